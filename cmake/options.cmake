@@ -1,0 +1,34 @@
+set(CMAKE_CXX_STANDARD 20)
+set(CMAKE_CXX_STANDARD_REQUIRED ON)
+set(CMAKE_CXX_EXTENSIONS OFF)
+set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
+set(CMAKE_RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/bin)
+
+option(MAPLET_TESTS "Build the tests" ON)
+option(MAPLET_BENCH "Build the benchmarks" OFF)
+set(MAPLET_SANITIZE "" CACHE STRING "Sanitizers, as in -fsanitize=...")
+
+find_program(CCACHE ccache)
+if(CCACHE)
+  set(CMAKE_C_COMPILER_LAUNCHER ${CCACHE})
+  set(CMAKE_CXX_COMPILER_LAUNCHER ${CCACHE})
+endif()
+
+# What every target of ours is compiled with.
+add_library(maplet_options INTERFACE)
+target_include_directories(maplet_options INTERFACE ${CMAKE_SOURCE_DIR})
+target_compile_options(
+  maplet_options
+  INTERFACE -Wall -Wextra -Wshadow -Wnon-virtual-dtor -Wconversion -Wno-sign-conversion
+            -Werror=return-type
+            # No fused multiply-add unless written: the same bytes on every build of one machine.
+            -ffp-contract=off)
+# Eigen's alignment must not follow a file's instruction set: one layout in every object file.
+target_compile_definitions(maplet_options INTERFACE EIGEN_MAX_ALIGN_BYTES=16 EIGEN_MPL2_ONLY
+                                                    MAPLET_VERSION="${PROJECT_VERSION}")
+if(MAPLET_SANITIZE)
+  add_compile_options(-fsanitize=${MAPLET_SANITIZE} -fno-omit-frame-pointer
+                      -fno-sanitize-recover=undefined)
+  add_link_options(-fsanitize=${MAPLET_SANITIZE})
+  target_compile_definitions(maplet_options INTERFACE MAPLET_SANITIZED=1)
+endif()

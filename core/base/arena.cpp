@@ -1,0 +1,45 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#include "core/base/arena.hpp"
+
+#include <sys/mman.h>
+
+#include <cstdio>
+#include <cstdlib>
+
+namespace maplet {
+
+namespace {
+
+[[noreturn]] void die(const char* what, std::string_view component) noexcept {
+  std::fprintf(stderr, "mapletd: bug: %s (arena, component %.*s)\n", what,
+               static_cast<int>(component.size()), component.data());
+  std::abort();
+}
+
+}  // namespace
+
+Arena::Arena(std::size_t reserve_bytes) : base_{nullptr}, reserved_{reserve_bytes} {
+  void* block = mmap(nullptr, reserve_bytes, PROT_READ | PROT_WRITE,
+                     MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+  if (block == MAP_FAILED) throw std::bad_alloc{};
+  base_ = static_cast<std::byte*>(block);
+}
+
+Arena::~Arena() { munmap(base_, reserved_); }
+
+void* Arena::take(std::size_t bytes, std::size_t alignment, std::size_t count,
+                  std::string_view component) {
+  if (sealed_) die("storage asked for after start-up", component);
+  const std::size_t start = (used_ + alignment - 1) / alignment * alignment;
+  if (bytes > reserved_ || start > reserved_ - bytes) die("storage exhausted", component);
+  used_ = start + bytes;
+  ledger_.push_back({component, count, bytes});
+  return base_ + start;
+}
+
+bool Arena::seal(bool lock) noexcept {
+  sealed_ = true;
+  return !lock || used_ == 0 || mlock(base_, used_) == 0;
+}
+
+}  // namespace maplet

@@ -1,0 +1,26 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string_view>
+#include <variant>
+
+#include "core/base/clock.hpp"
+
+namespace maplet {
+
+/// One configuration key of a stage: its place in the TOML file, its member, its range, its help.
+///
+/// A stage declares `static constexpr Field<Config> kFields[]` beside its Config. The table feeds
+/// the parser, the range check (NaN fails), --check-config, --print-config and the manual.
+/// A Duration member is written in the unit that the key ends in (_ns, _us, _ms, _s); bool members
+/// ignore min and max.
+template <class Config>
+struct Field {
+  std::string_view key;  ///< without the stage's section: "gate_m"
+  std::variant<bool Config::*, int Config::*, double Config::*, Duration Config::*> member;
+  double min;
+  double max;
+  std::string_view help;  ///< one sentence, no full stop
+};
+
+}  // namespace maplet

@@ -1,0 +1,33 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+
+#include "core/base/clock.hpp"
+#include "core/geometry/se3.hpp"
+#include "core/maplet/maplet.hpp"
+
+namespace maplet {
+
+struct MapletA;  ///< frame: the first maplet of a pair
+struct MapletB;  ///< frame: the second
+
+/// The relation of two maplets: what the radio carries first and the skeleton is made of.
+struct DeltaPose {
+  enum class Kind : std::uint8_t {
+    kConsecutive,  ///< b follows a on one agent's path
+    kClosure,      ///< a place seen again
+  };
+
+  Kind kind = Kind::kConsecutive;
+  MapletKey a;
+  MapletKey b;
+  Stamp stamp_a{};  ///< of a's origin
+  Stamp stamp_b{};
+  Transform<MapletA, MapletB> T_a_b;
+  Matrix6d covariance = Matrix6d::Zero();  ///< tangent [rho; theta] of b; m^2, rad^2
+  float overlap = 0.0F;                    ///< share of the smaller maplet's area matched, 0..1
+  std::uint16_t matches = 0;               ///< plane pairs
+};
+
+}  // namespace maplet

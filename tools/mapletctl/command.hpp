@@ -1,0 +1,22 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <stdexcept>
+#include <string>
+
+namespace maplet::ctl {
+
+/// A command that did not work out: `message` is the one line for standard error (what, where, what
+/// to do); exit code 1, or 2 for usage and configuration.
+class Failure : public std::runtime_error {
+ public:
+  explicit Failure(const std::string& message, int code = 1)
+      : std::runtime_error{message}, exit_code{code} {}
+  int exit_code;
+};
+
+// Each command lives in a file of its own and adds itself to the command line.
+void add_version(CLI::App& app);
+
+}  // namespace maplet::ctl

@@ -1,0 +1,24 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+// mapletctl: looks at, feeds and asks mapletd.
+#include <fmt/core.h>
+
+#include "tools/mapletctl/command.hpp"
+
+int main(int argc, char** argv) {
+  using namespace maplet::ctl;
+  CLI::App app{"mapletctl: looks at recordings, maplets, skeletons and a running mapletd"};
+  app.require_subcommand(1);
+  add_version(app);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? 0 : 2;
+  } catch (const Failure& e) {
+    fmt::print(stderr, "mapletctl: {}\n", e.what());
+    return e.exit_code;
+  } catch (const std::exception& e) {
+    fmt::print(stderr, "mapletctl: {}\n", e.what());
+    return 1;
+  }
+  return 0;
+}
