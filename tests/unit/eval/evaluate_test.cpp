@@ -67,8 +67,8 @@ TEST(Evaluate, DoesNotForgiveScale) {
 }
 
 TEST(Evaluate, FindsTheBestAlignmentOfASquare) {
-  // One corner of a 2 m square 0.4 m out of its plane. The best alignment halves nothing by chance:
-  // residual z = 0.1 (+ - + -) after shift and tilt, so rms 0.1 m up to second order of the tilt.
+  // One corner of a 2 m square is 0.4 m out of its plane: shift and tilt leave z = 0.1 (+ - + -),
+  // so the rms is 0.1 m, up to second order of the tilt.
   const double x[] = {1, 1, -1, -1};
   const double y[] = {1, -1, -1, 1};
   Trajectory truth;
