@@ -16,7 +16,7 @@ namespace maplet {
 namespace codec {
 
 // Bounds on what quantisation changes.
-inline constexpr double kMaxNormalError_rad = 6e-5;
+inline constexpr double kMaxNormalError_rad = 6.6e-5;
 inline constexpr double kMaxOffsetError_m = 6e-5;  ///< at the plane's centre
 inline constexpr double kMaxTranslationError_m = 1e-4;
 inline constexpr double kMaxRotationError_rad = 1e-4;

@@ -1,0 +1,202 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#include "core/maplet/codec.hpp"
+
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <random>
+#include <vector>
+
+#include "core/base/crc.hpp"
+#include "core/maplet/quantise.hpp"
+#include "tests/support/maplets.hpp"
+
+namespace maplet {
+namespace {
+
+std::unique_ptr<Maplet> room_maplet() {
+  auto m = std::make_unique<Maplet>();
+  test::fill(*m, test::room(), test::camera_at({2.0, 2.5, 1.2}, 0.4));
+  m->key = {3, 0xDEADBEEF, 41};
+  m->stamp = Stamp{1'700'000'000'123'456'789};
+  m->keyframes[0].stamp = m->stamp;
+  std::mt19937 rng{1};
+  for (std::int64_t i = 1; i < 12; ++i) {
+    m->keyframes.push_back(
+        {m->stamp + Stamp{i * 333'333'333},
+         Transform<MapletFrame, CameraFrame>{Se3::exp(test::normal_tangent(rng, 2.0, 1.0))}});
+  }
+  return m;
+}
+
+std::vector<std::byte> bytes_of(const Maplet& m) {
+  std::vector<std::byte> bytes(kMaxMapletBytes);
+  bytes.resize(encode(m, bytes).value());
+  return bytes;
+}
+
+void fix_checksum(std::vector<std::byte>& bytes) {
+  const std::uint32_t crc = crc32c(std::span{bytes}.first(bytes.size() - 4));
+  for (int i = 0; i < 4; ++i) bytes[bytes.size() - 4 + i] = static_cast<std::byte>(crc >> (8 * i));
+}
+
+TEST(Codec, RoundTripStaysWithinItsBounds) {
+  const auto in = room_maplet();
+  const auto bytes = bytes_of(*in);
+  const auto out = std::make_unique<Maplet>();
+  ASSERT_TRUE(decode(bytes, *out));
+  EXPECT_EQ(out->key, in->key);
+  EXPECT_EQ(out->stamp, in->stamp);
+  EXPECT_DOUBLE_EQ(out->cell_m, in->cell_m);
+  ASSERT_EQ(out->keyframes.size(), in->keyframes.size());
+  for (std::size_t i = 0; i < in->keyframes.size(); ++i) {
+    EXPECT_EQ(out->keyframes[i].stamp, in->keyframes[i].stamp);
+    const Se3& a = in->keyframes[i].T_maplet_camera.se3;
+    const Se3& b = out->keyframes[i].T_maplet_camera.se3;
+    EXPECT_LT((a.t - b.t).norm(), codec::kMaxTranslationError_m);
+    EXPECT_LT((a.inverse() * b).angle(), codec::kMaxRotationError_rad);
+  }
+  ASSERT_EQ(out->planes.size(), in->planes.size());
+  for (std::size_t i = 0; i < in->planes.size(); ++i) {
+    const MapletPlane& a = in->planes[i];
+    const MapletPlane& b = out->planes[i];
+    EXPECT_LT(a.plane.n.cross(b.plane.n).norm(), codec::kMaxNormalError_rad);
+    EXPECT_LT(std::abs(b.plane.distance(a.centre)), codec::kMaxOffsetError_m);
+    EXPECT_EQ(a.grid.occupied, b.grid.occupied);
+    EXPECT_LT((a.centre - b.centre).norm(), 2e-3);
+    EXPECT_EQ(a.observations, b.observations);
+    EXPECT_NEAR(a.mean_gray, b.mean_gray, 0.5);
+    for (int k = 0; k < 3; ++k) {
+      const double grown = std::sqrt(b.covariance(k, k) / a.covariance(k, k));
+      EXPECT_GE(grown, 1.0);
+      EXPECT_LE(grown, codec::kMaxSigmaFactor);
+    }
+  }
+}
+
+TEST(Codec, DecodedMapletEncodesToItsOwnBytes) {
+  const auto bytes = bytes_of(*room_maplet());
+  const auto m = std::make_unique<Maplet>();
+  ASSERT_TRUE(decode(bytes, *m));
+  const auto again = std::make_unique<Maplet>();
+  ASSERT_TRUE(decode(bytes_of(*m), *again));
+  for (std::size_t i = 0; i < m->planes.size(); ++i) {
+    EXPECT_LT((m->planes[i].plane.n - again->planes[i].plane.n).norm(), 1e-12);
+    EXPECT_EQ(m->planes[i].grid.occupied, again->planes[i].grid.occupied);
+  }
+}
+
+TEST(Codec, EveryCellSurvives) {
+  const auto in = std::make_unique<Maplet>();
+  in->keyframes.push_back({});
+  std::mt19937 rng{7};
+  std::bernoulli_distribution coin{0.5};
+  test::add_wall(*in, {{0, 0, 3}, {2.0, 0, 0}, {0, -1.5, 0}}, {});
+  for (int r = 0; r < in->planes[0].grid.rows; ++r) {
+    for (int c = 0; c < in->planes[0].grid.columns; ++c) {
+      if (coin(rng)) in->set_cell(in->planes[0].grid, c, r);
+    }
+  }
+  const auto out = std::make_unique<Maplet>();
+  ASSERT_TRUE(decode(bytes_of(*in), *out));
+  EXPECT_EQ(in->cells, out->cells);
+}
+
+TEST(Codec, EmptyMapletIsSmall) {
+  Maplet m;
+  m.keyframes.push_back({});
+  const auto bytes = bytes_of(m);
+  EXPECT_LE(bytes.size(), 48U);
+  const auto out = std::make_unique<Maplet>();
+  EXPECT_TRUE(decode(bytes, *out));
+  EXPECT_TRUE(out->planes.empty());
+}
+
+TEST(Codec, RefusesWhatItCannotWrite) {
+  std::vector<std::byte> out(kMaxMapletBytes);
+  const auto m = std::make_unique<Maplet>();
+  EXPECT_EQ(encode(*m, out).error().code, ErrorCode::kBadInput);
+  auto room = room_maplet();
+  EXPECT_EQ(encode(*room, std::span{out}.first(100)).error().code, ErrorCode::kCapacity);
+  room->planes[2].plane.d = 1e6;
+  EXPECT_EQ(encode(*room, out).error().code, ErrorCode::kBadInput);
+  room->planes[2].plane.d = std::nan("");
+  EXPECT_EQ(encode(*room, out).error().code, ErrorCode::kBadInput);
+}
+
+TEST(Codec, EveryCutAndEveryFlippedBitIsNoticed) {
+  const auto bytes = bytes_of(*room_maplet());
+  const auto m = std::make_unique<Maplet>();
+  for (std::size_t n = 0; n < bytes.size(); n += n < 64 ? 1 : 17) {
+    EXPECT_FALSE(decode(std::span{bytes}.first(n), *m)) << n;
+  }
+  for (std::size_t bit = 0; bit < bytes.size() * 8; bit += 13) {
+    auto bad = bytes;
+    bad[bit / 8] ^= static_cast<std::byte>(1U << (bit % 8));
+    EXPECT_FALSE(decode(bad, *m)) << bit;
+  }
+}
+
+TEST(Codec, NewerVersionIsNamedAsSuch) {
+  auto bytes = bytes_of(*room_maplet());
+  bytes[4] = std::byte{9};
+  fix_checksum(bytes);
+  const auto m = std::make_unique<Maplet>();
+  const auto result = decode(bytes, *m);
+  ASSERT_FALSE(result);
+  EXPECT_STREQ(result.error().what, "maplet of an unknown version");
+}
+
+// Garbage behind a valid checksum: any answer will do, as long as what comes out is sound.
+TEST(Codec, HostileBytesStayInBounds) {
+  const auto bytes = bytes_of(*room_maplet());
+  std::mt19937 rng{3};
+  const auto m = std::make_unique<Maplet>();
+  int accepted = 0;
+  for (int i = 0; i < 3000; ++i) {
+    auto bad = bytes;
+    for (int k = 0; k < 1 + i % 5; ++k) {
+      bad[5 + rng() % (bad.size() - 9)] = static_cast<std::byte>(rng());
+    }
+    if (i % 7 == 0) bad.resize(40 + rng() % 400);
+    fix_checksum(bad);
+    if (!decode(bad, *m)) continue;
+    ++accepted;
+    for (const MapletPlane& p : m->planes) {
+      EXPECT_TRUE(p.centre.allFinite() && p.covariance.allFinite());
+      EXPECT_NEAR(p.plane.n.norm(), 1.0, 1e-9);
+      EXPECT_LE(p.grid.first_bit + p.grid.columns * p.grid.rows, kMaxMapletCells);
+    }
+  }
+  EXPECT_GT(accepted, 0);
+}
+
+TEST(Quantise, NormalErrorIsBounded) {
+  std::mt19937 rng{5};
+  std::normal_distribution<double> normal;
+  double worst = 0.0;
+  for (int i = 0; i < 200000; ++i) {
+    const Eigen::Vector3d n = Eigen::Vector3d{normal(rng), normal(rng), normal(rng)}.normalized();
+    worst = std::max(worst, n.cross(codec::unpack_normal(codec::pack_normal(n))).norm());
+  }
+  EXPECT_LT(worst, codec::kMaxNormalError_rad);
+  for (int axis = 0; axis < 3; ++axis) {
+    for (const double s : {-1.0, 1.0}) {
+      const Eigen::Vector3d n = s * Eigen::Vector3d::Unit(axis);
+      EXPECT_LT((n - codec::unpack_normal(codec::pack_normal(n))).norm(), 1e-9);
+    }
+  }
+}
+
+TEST(Quantise, SingularCovarianceStaysUsable) {
+  Eigen::Matrix3d ones = Eigen::Matrix3d::Ones();
+  Eigen::Matrix3d out;
+  ASSERT_TRUE(codec::unpack_covariance(codec::pack_covariance(ones), out));
+  EXPECT_GT(out.determinant(), 0.0);
+  ones(0, 1) = ones(1, 0) = -1.0;  // not a covariance at all
+  ASSERT_TRUE(codec::unpack_covariance(codec::pack_covariance(ones), out));
+  EXPECT_GT(out.determinant(), 0.0);
+}
+
+}  // namespace
+}  // namespace maplet
