@@ -1,0 +1,57 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#include "drivers/open_source.hpp"
+
+#include <fmt/format.h>
+
+#include <limits>
+
+#include "drivers/replay/tum_source.hpp"
+#include "drivers/uri.hpp"
+
+namespace maplet {
+
+namespace {
+
+using Kind = SourceError::Kind;
+
+OpenedSource open_tum(const Uri& uri, const SourceOptions& options) {
+  constexpr auto kMost = std::numeric_limits<std::uint64_t>::max();
+  if (auto known = uri.only({"first", "count", "every"}); !known) {
+    return source_error(Kind::kUsage, known.error());
+  }
+  if (uri.path.empty()) return source_error(Kind::kUsage, "tum: no folder: write tum:DIR");
+  const auto first = uri.count("first", 0, 0, kMost);
+  const auto count = uri.count("count", kMost, 1, kMost);
+  const auto every = uri.count("every", 1, 1, kMost);
+  for (const auto* number : {&first, &count, &every}) {
+    if (!*number) return source_error(Kind::kUsage, number->error());
+  }
+  return TumSource::open(uri.path, {*first, *count, *every}, options);
+}
+
+struct Scheme {
+  std::string_view name;
+  std::string_view usage;
+  OpenedSource (*open)(const Uri& uri, const SourceOptions& options);
+};
+
+constexpr Scheme kSchemes[] = {
+    {"tum", "tum:DIR", open_tum},
+};
+
+}  // namespace
+
+OpenedSource open_source(std::string_view text, const SourceOptions& options) {
+  const auto uri = Uri::parse(text);
+  if (!uri) return source_error(Kind::kUsage, uri.error());
+  std::string usages;
+  for (const Scheme& scheme : kSchemes) {
+    if (scheme.name == uri->scheme) return scheme.open(*uri, options);
+    usages += usages.empty() ? "" : ", ";
+    usages += scheme.usage;
+  }
+  return source_error(
+      Kind::kUsage, fmt::format("source '{}:': no such scheme; there are {}", uri->scheme, usages));
+}
+
+}  // namespace maplet
