@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "drivers/replay/tum_source.hpp"
+#include "drivers/sim/sim_source.hpp"
 #include "drivers/uri.hpp"
 
 namespace maplet {
@@ -29,6 +30,14 @@ OpenedSource open_tum(const Uri& uri, const SourceOptions& options) {
   return TumSource::open(uri.path, {*first, *count, *every}, options);
 }
 
+OpenedSource open_simulator(const Uri& uri, const SourceOptions& options) {
+  auto parameters = uri.parameters;
+  if (!options.gray) parameters["gray"] = "0";
+  auto source = open_sim(uri.path, parameters);
+  if (!source) return source_error(Kind::kUsage, source.error());
+  return std::move(*source);
+}
+
 struct Scheme {
   std::string_view name;
   std::string_view usage;
@@ -36,6 +45,7 @@ struct Scheme {
 };
 
 constexpr Scheme kSchemes[] = {
+    {"sim", "sim:WORLD", open_simulator},
     {"tum", "tum:DIR", open_tum},
 };
 

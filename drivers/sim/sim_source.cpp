@@ -1,6 +1,8 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #include "drivers/sim/sim_source.hpp"
 
+#include <fmt/format.h>
+
 #include <cmath>
 
 namespace maplet {
@@ -66,8 +68,8 @@ Expected<DepthFrame> SimSource::next(Deadline) noexcept {
 tl::expected<std::unique_ptr<SimSource>, std::string> open_sim(
     const std::string& world, const std::map<std::string, std::string>& parameters) {
   if (!sim::is_world(world)) {
-    return tl::unexpected<std::string>{"sim: no world '" + world + "'; there are " +
-                                       sim::world_names()};
+    return tl::unexpected<std::string>{
+        fmt::format("sim: no world '{}'; there are {}", world, sim::world_names())};
   }
   const auto options = sim::parse_options(parameters);
   if (!options) return tl::unexpected<std::string>{options.error()};
