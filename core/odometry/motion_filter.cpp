@@ -1,0 +1,92 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#include "core/odometry/motion_filter.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+
+namespace maplet {
+
+namespace {
+
+constexpr double kStartSpeedMps = 0.5;
+constexpr double kStartTurnRadps = 1.0;
+constexpr double kDampingS = 0.3;  // unseen motion is forgotten with this time constant
+constexpr double kMaxSpeedMps = 3.0;
+constexpr double kMaxTurnRadps = 6.0;
+constexpr double kTinyVariance = 1e-10;
+
+Vector6d split(double linear, double angular) noexcept {
+  Vector6d v;
+  v << Eigen::Vector3d::Constant(linear), Eigen::Vector3d::Constant(angular);
+  return v;
+}
+
+}  // namespace
+
+MotionFilter::MotionFilter(const OdometryConfig& config) noexcept
+    : acceleration_{
+          split(config.prior_acceleration_mps2, config.prior_angular_acceleration_radps2)} {
+  start({});
+}
+
+void MotionFilter::start(const Se3& T_odom_camera) noexcept {
+  T_odom_camera_ = T_odom_camera;
+  velocity_.setZero();
+  P_.setZero();
+  P_.diagonal().tail<6>() = split(kStartSpeedMps, kStartTurnRadps).cwiseAbs2();
+}
+
+void MotionFilter::predict(double dt_s, bool damped) noexcept {
+  if (dt_s <= 0.0) return;
+  const double damping = damped ? std::exp(-dt_s / kDampingS) : 1.0;
+  const Se3 step = Se3::exp(velocity_ * dt_s * (damped ? 0.5 * (1.0 + damping) : 1.0));
+  T_odom_camera_ = T_odom_camera_ * step;
+  velocity_ *= damping;
+  Eigen::Matrix<double, 12, 12> F = Eigen::Matrix<double, 12, 12>::Identity();
+  F.topLeftCorner<6, 6>() = step.inverse().adjoint();
+  F.topRightCorner<6, 6>() = dt_s * Matrix6d::Identity();
+  P_ = F * P_ * F.transpose();
+  const Vector6d dv = acceleration_ * dt_s;
+  const Vector6d variance = dv.cwiseAbs2();
+  P_.diagonal().tail<6>() += variance;
+  P_.diagonal().head<6>() += 0.25 * dt_s * dt_s * variance;
+  P_.topRightCorner<6, 6>().diagonal() += 0.5 * dt_s * variance;
+  P_.bottomLeftCorner<6, 6>().diagonal() += 0.5 * dt_s * variance;
+  // No robot is faster: scale rows and columns together so that P stays a covariance.
+  const Vector6d limit = split(kMaxSpeedMps, kMaxTurnRadps);
+  for (int i = 0; i < 6; ++i) {
+    const double sigma = std::sqrt(P_(6 + i, 6 + i));
+    if (sigma <= limit[i]) continue;
+    P_.row(6 + i) *= limit[i] / sigma;
+    P_.col(6 + i) *= limit[i] / sigma;
+  }
+}
+
+void MotionFilter::update(const Se3& T_odom_camera, const Matrix6d& information) noexcept {
+  Matrix6d pose = P_.topLeftCorner<6, 6>();
+  pose.diagonal().array() += kTinyVariance;
+  const Matrix6d prior = pose.inverse();
+  const Matrix6d posterior = (prior + information).inverse();
+  const Matrix6d gain = P_.bottomLeftCorner<6, 6>() * prior;
+  velocity_ += gain * (T_odom_camera_.inverse() * T_odom_camera).log();
+  const Vector6d limit = split(kMaxSpeedMps, kMaxTurnRadps);
+  velocity_ = velocity_.cwiseMax(-limit).cwiseMin(limit);
+  T_odom_camera_ = T_odom_camera;
+  Matrix6d velocity = P_.bottomRightCorner<6, 6>();
+  velocity -= gain * (pose - posterior) * gain.transpose();
+  const Matrix6d cross = gain * posterior;
+  P_.topLeftCorner<6, 6>() = 0.5 * (posterior + posterior.transpose());
+  P_.bottomRightCorner<6, 6>() = 0.5 * (velocity + velocity.transpose());
+  P_.bottomLeftCorner<6, 6>() = cross;
+  P_.topRightCorner<6, 6>() = cross.transpose();
+}
+
+void MotionFilter::anchor() noexcept {
+  P_.topLeftCorner<6, 6>().setZero();
+  P_.topRightCorner<6, 6>().setZero();
+  P_.bottomLeftCorner<6, 6>().setZero();
+}
+
+}  // namespace maplet

@@ -1,0 +1,41 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+
+#include "core/geometry/se3.hpp"
+#include "core/odometry/odometry_config.hpp"
+
+namespace maplet {
+
+/// Pose and velocity of the camera under the constant velocity model, with their covariance
+/// relative to the newest keyframe. What the patches leave free keeps growing here.
+///
+/// Memory  inside the object.
+/// Math    docs/math/odometry.md, eq. 9-11.
+class MotionFilter {
+ public:
+  explicit MotionFilter(const OdometryConfig& config) noexcept;
+
+  /// The camera is here; its velocity is unknown.
+  void start(const Se3& T_odom_camera) noexcept;
+  /// Moves on by dt_s >= 0; `damped` when nothing has been seen for a while.
+  void predict(double dt_s, bool damped) noexcept;
+  /// Takes over an aligned pose whose free axes were filled from the prediction.
+  /// @param information  of the measurement alone (tangent of camera); may be singular
+  void update(const Se3& T_odom_camera, const Matrix6d& information) noexcept;
+  /// The present pose becomes the reference: its covariance is zero from here on.
+  void anchor() noexcept;
+
+  [[nodiscard]] const Se3& pose() const noexcept { return T_odom_camera_; }
+  [[nodiscard]] const Vector6d& velocity() const noexcept { return velocity_; }
+  [[nodiscard]] Matrix6d covariance() const noexcept { return P_.topLeftCorner<6, 6>(); }
+
+ private:
+  Vector6d acceleration_;  ///< expected size
+  Se3 T_odom_camera_;
+  Vector6d velocity_ = Vector6d::Zero();  ///< m/s, rad/s; tangent of camera
+  Eigen::Matrix<double, 12, 12> P_ = Eigen::Matrix<double, 12, 12>::Zero();
+};
+
+}  // namespace maplet

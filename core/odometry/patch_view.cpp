@@ -1,0 +1,85 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#include "core/odometry/patch_view.hpp"
+
+#include <Eigen/LU>
+#include <algorithm>
+
+namespace maplet {
+
+namespace {
+
+// The eigenvalue of a patch's information that a tiny or degenerate patch may lack, m^2.
+constexpr double kMinInformation = 1e-9;
+
+Eigen::Matrix3d invert(const Eigen::Matrix3d& information) noexcept {
+  return (information + kMinInformation * Eigen::Matrix3d::Identity()).inverse();
+}
+
+}  // namespace
+
+PatchView::PatchView(Arena& arena)
+    : facets_{arena.make_array<Facet>(kMaxPatches, "odometry/facets")},
+      order_{arena.make_array<std::uint16_t>(kMaxPatches, "odometry/facet-order")},
+      grid_{arena.make_array<std::uint16_t>(kMaxColumns * kMaxRows, "odometry/facet-grid")} {}
+
+void PatchView::assign(const PatchSet& set, const OdometryConfig& config) noexcept {
+  camera_ = set.camera;
+  size_ = 0;
+  pixels_ = 0.0;
+  const std::size_t count = set.patches.size();
+  for (std::size_t i = 0; i < count; ++i) order_[i] = static_cast<std::uint16_t>(i);
+  std::sort(order_.begin(), order_.begin() + count, [&](std::uint16_t a, std::uint16_t b) {
+    const auto pixels_a = set.patches[a].pixels;
+    const auto pixels_b = set.patches[b].pixels;
+    return pixels_a != pixels_b ? pixels_a > pixels_b : a < b;
+  });
+  const std::size_t kept = std::min(count, static_cast<std::size_t>(config.max_patches));
+  for (std::size_t i = 0; i < kept; ++i) {
+    const Patch& patch = set.patches[order_[i]];
+    const double pixels = patch.pixels;
+    Facet& facet = facets_[size_];
+    facet.theta = patch.theta;
+    // Averaging stops where the sensor's bias begins (docs/math/odometry.md, eq. 2).
+    const double bias = 1.0 + pixels / config.saturation_px;
+    const Eigen::Matrix3d covariance = invert(patch.information);
+    facet.covariance = covariance * bias;
+    facet.surface = patch.theta;
+    facet.surface_covariance = covariance;
+    if (patch.plane != Patch::kNoPlane) {
+      const FramePlane& plane = set.planes[static_cast<std::size_t>(patch.plane)];
+      facet.surface = plane.theta;
+      facet.surface_covariance = invert(plane.information);
+    }
+    facet.centre = patch.centre();
+    facet.pixels = pixels;
+    if (!(facet.centre.z() > kMinDepthM) || !facet.covariance.allFinite()) {
+      order_[i] = kEmpty;
+      continue;
+    }
+    order_[size_++] = order_[i];
+    pixels_ += pixels;
+  }
+  fill_grid(set);
+}
+
+void PatchView::fill_grid(const PatchSet& set) noexcept {
+  const int width = std::max(camera_.width_px, 1);
+  const int height = std::max(camera_.height_px, 1);
+  cell_px_ = std::max((width + kMaxColumns - 1) / kMaxColumns, (height + kMaxRows - 1) / kMaxRows);
+  columns_ = (width + cell_px_ - 1) / cell_px_;
+  const int rows = (height + cell_px_ - 1) / cell_px_;
+  std::fill(grid_.begin(), grid_.begin() + columns_ * rows, kEmpty);
+  for (std::size_t i = 0; i < size_; ++i) {
+    const Patch& patch = set.patches[order_[i]];
+    const int u_end = std::min(patch.u_px + patch.width_px, width);
+    const int v_end = std::min(patch.v_px + patch.height_px, height);
+    const int first = patch.u_px / cell_px_;
+    const int last = (u_end + cell_px_ - 1) / cell_px_;
+    for (int row = patch.v_px / cell_px_; row * cell_px_ < v_end; ++row) {
+      std::fill(grid_.begin() + row * columns_ + first, grid_.begin() + row * columns_ + last,
+                static_cast<std::uint16_t>(i));
+    }
+  }
+}
+
+}  // namespace maplet

@@ -1,0 +1,74 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <span>
+
+#include "core/base/arena.hpp"
+#include "core/odometry/odometry_config.hpp"
+#include "core/patches/patch.hpp"
+
+namespace maplet {
+
+/// What the alignment reads of a patch.
+struct Facet {
+  Eigen::Vector3d theta;       ///< 1/m
+  Eigen::Matrix3d covariance;  ///< of theta, with the sensor's bias
+  Eigen::Vector3d centre;      ///< camera frame, m
+  double pixels;
+  /// The best known theta of the surface it lies on, and its covariance: of its plane if it has
+  /// one. Normals of patches are noisy; as a Jacobian they would claim to see free directions.
+  Eigen::Vector3d surface;
+  Eigen::Matrix3d surface_covariance;
+};
+
+/// A frame's patches as the alignment reads them: the largest first, and which one lies at a pixel.
+///
+/// Memory  fixed, from the arena: kMaxPatches facets and a grid of at most 160 x 128 cells.
+/// Time    assign(): O(patches log patches + cells); at(): O(1).
+class PatchView {
+ public:
+  static constexpr int kNone = -1;
+
+  explicit PatchView(Arena& arena);
+
+  void assign(const PatchSet& patches, const OdometryConfig& config) noexcept;
+
+  [[nodiscard]] std::span<const Facet> facets() const noexcept { return facets_.first(size_); }
+  [[nodiscard]] const CameraModel& camera() const noexcept { return camera_; }
+  /// Pixels on all facets.
+  [[nodiscard]] double pixels() const noexcept { return pixels_; }
+
+  /// Index of the facet that a point (camera frame, m) projects onto, or kNone.
+  [[nodiscard]] int at(const Eigen::Vector3d& point) const noexcept {
+    if (point.z() <= kMinDepthM) return kNone;
+    const double inverse = 1.0 / point.z();
+    const double u = camera_.fx_px * point.x() * inverse + camera_.cx_px + 0.5;
+    const double v = camera_.fy_px * point.y() * inverse + camera_.cy_px + 0.5;
+    // Written so that NaN fails.
+    if (!(u >= 0.0 && v >= 0.0 && u < camera_.width_px && v < camera_.height_px)) return kNone;
+    const int index = grid_[static_cast<std::size_t>((static_cast<int>(v) / cell_px_) * columns_ +
+                                                     static_cast<int>(u) / cell_px_)];
+    return index == kEmpty ? kNone : index;
+  }
+
+ private:
+  static constexpr int kMaxColumns = 160;
+  static constexpr int kMaxRows = 128;
+  static constexpr std::uint16_t kEmpty = 0xFFFF;
+  static constexpr double kMinDepthM = 0.05;
+
+  void fill_grid(const PatchSet& patches) noexcept;
+
+  std::span<Facet> facets_;
+  std::span<std::uint16_t> order_;  ///< of the patches, largest first
+  std::span<std::uint16_t> grid_;
+  CameraModel camera_;
+  std::size_t size_ = 0;
+  double pixels_ = 0.0;
+  int cell_px_ = 1;
+  int columns_ = 0;
+};
+
+}  // namespace maplet
