@@ -13,7 +13,7 @@ LICENCE = "// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 HOUSE = ["core/limits.hpp", "core/base/clock.hpp", "core/frame/depth_frame.hpp",
          "core/patches/patch.hpp", "core/patches/extractor.hpp", "core/odometry/tracker.hpp",
          "core/skeleton/graph.hpp", "core/agent/agent.hpp", "core/ports/depth_source.hpp",
-         "core/maplet/maplet.hpp", "drivers/sim/world.hpp", "drivers/replay/recording.hpp",
+         "core/maplet/maplet.hpp", "drivers/sim/world.hpp", "drivers/replay/recording.hpp", "drivers/uri.hpp",
          "transport/exchange/ledger.hpp", "tools/eval/evaluate.hpp", "tests/support/fake.hpp"]
 
 
@@ -74,11 +74,14 @@ class CheckIncludes(unittest.TestCase):
         self.accepts("transport/dds/a.cpp", '#include "core/maplet/maplet.hpp"')
         self.accepts("transport/dds/a.cpp", '#include "transport/exchange/ledger.hpp"')
         self.refuses("drivers/replay/a.cpp", '#include "core/patches/extractor.hpp"',
-                     "drivers/replay sees only")
+                     "drivers/replay/ sees only")
         self.refuses("drivers/replay/a.cpp", '#include "drivers/sim/world.hpp"',
-                     "drivers/replay sees only")
+                     "drivers/replay/ sees only")
+        self.accepts("drivers/open.cpp", '#include "drivers/sim/world.hpp"')
+        self.accepts("drivers/sim/a.cpp", '#include "drivers/uri.hpp"')
+        self.refuses("drivers/open.cpp", '#include "core/agent/agent.hpp"', "drivers/ sees only")
         self.refuses("transport/exchange/a.cpp", '#include "core/agent/agent.hpp"',
-                     "transport/exchange sees only")
+                     "transport/exchange/ sees only")
 
     def test_libraries_have_one_home(self):
         for header, home in (("openni2/OpenNI.h", "drivers/openni2"), ("dds/dds.h", "transport/dds"),
