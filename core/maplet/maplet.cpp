@@ -35,6 +35,13 @@ bool Maplet::take_cells(CellGrid& grid) noexcept {
   return true;
 }
 
+void Maplet::give_back(const CellGrid& grid) noexcept {
+  for (std::uint32_t bit = grid.first_bit; bit < cells_used; ++bit) {
+    cells[bit / 64] &= ~(std::uint64_t{1} << (bit % 64));
+  }
+  cells_used = grid.first_bit;
+}
+
 void Maplet::measure_extent(MapletPlane& plane) const noexcept {
   const PlaneBasis basis = plane.basis();
   const CellGrid& grid = plane.grid;

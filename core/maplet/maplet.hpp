@@ -108,6 +108,8 @@ struct Maplet {
   /// Takes bits for plane.grid (columns and rows set, all cells cleared).
   /// @return false when there are not enough left: coarsen
   [[nodiscard]] bool take_cells(CellGrid& grid) noexcept;
+  /// Undoes the last take_cells.
+  void give_back(const CellGrid& grid) noexcept;
   /// Sets occupied, area_m2 and centre of a plane whose cells are set.
   void measure_extent(MapletPlane& plane) const noexcept;
   void clear() noexcept;

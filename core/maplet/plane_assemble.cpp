@@ -1,0 +1,112 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+// From the map under construction to the maplet's compact planes.
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+
+#include "core/maplet/plane_map.hpp"
+
+namespace maplet {
+
+namespace {
+
+// What a plane tells: its surface, and that it was seen again.
+double worth(const FusedPlane& plane) noexcept {
+  return plane.touched * (plane.observations > 1 ? 1.0 : 0.3);
+}
+
+struct Bounds {
+  Eigen::Array2d low = Eigen::Array2d::Constant(1e9);
+  Eigen::Array2d high = Eigen::Array2d::Constant(-1e9);
+};
+
+}  // namespace
+
+// Calls f(point on the anchor plane) for each occupied cell.
+template <class F>
+void PlaneMap::for_occupied(const FusedPlane& plane, F f) const noexcept {
+  for (std::int32_t t = plane.first_tile; t >= 0; t = cells_.tile(t).next) {
+    const Tile& tile = cells_.tile(t);
+    for (int cell = 0; cell < Tile::kSide * Tile::kSide; ++cell) {
+      if (!tile.occupied(cell, config_.max_free_share)) continue;
+      f(plane.anchor.point((tile.column * Tile::kSide + cell % Tile::kSide + 0.5) * config_.cell_m,
+                           (tile.row * Tile::kSide + cell / Tile::kSide + 0.5) * config_.cell_m));
+    }
+  }
+}
+
+bool PlaneMap::lay_grid(const FusedPlane& from, Maplet& out, MapletPlane& plane) const noexcept {
+  const PlaneBasis basis = plane.basis();
+  Bounds bounds;
+  for_occupied(from, [&](const Eigen::Vector3d& p) {
+    const Eigen::Array2d at = basis.coordinates(p).array() / config_.cell_m;
+    bounds.low = bounds.low.min(at);
+    bounds.high = bounds.high.max(at);
+  });
+  if (!(bounds.low.x() <= bounds.high.x())) return false;
+  CellGrid& grid = plane.grid;
+  for (grid.level = 0; grid.level <= CellGrid::kMaxLevel; ++grid.level) {
+    const double scale = 1.0 / (1 << grid.level);
+    const Eigen::Array2d first = (bounds.low * scale).floor();
+    const Eigen::Array2d count = (bounds.high * scale).floor() - first + 1.0;
+    if (count.maxCoeff() > kMaxGridCells) continue;
+    grid.column0 = static_cast<std::int16_t>(first.x());
+    grid.row0 = static_cast<std::int16_t>(first.y());
+    grid.columns = static_cast<std::uint16_t>(count.x());
+    grid.rows = static_cast<std::uint16_t>(count.y());
+    if (!out.take_cells(grid)) continue;
+    const double size = out.cell_m_of(grid);
+    for_occupied(from, [&](const Eigen::Vector3d& p) {
+      const Eigen::Vector2d at = basis.coordinates(p) / size;
+      out.set_cell(grid, static_cast<int>(std::floor(at.x())) - grid.column0,
+                   static_cast<int>(std::floor(at.y())) - grid.row0);
+    });
+    return true;
+  }
+  return false;
+}
+
+void PlaneMap::assemble(Maplet& out, std::size_t limit) noexcept {
+  out.cell_m = config_.cell_m;
+  const auto ranked = ranked_.first(planes_.count);
+  for (std::size_t i = 0; i < ranked.size(); ++i) ranked[i] = static_cast<std::uint16_t>(i);
+  std::sort(ranked.begin(), ranked.end(), [&](std::uint16_t a, std::uint16_t b) {
+    const FusedPlane& x = planes_.storage[a];
+    const FusedPlane& y = planes_.storage[b];
+    const double difference = worth(x) - worth(y);
+    return difference != 0.0 ? difference > 0.0 : x.serial < y.serial;
+  });
+  for (const std::uint16_t i : ranked) {
+    const FusedPlane& from = planes_.storage[i];
+    if (from.touched * config_.cell_m * config_.cell_m < config_.min_area_m2) continue;
+    MapletPlane plane;
+    plane.plane = from.plane;
+    plane.grid.axis = from.axis;
+    if (!lay_grid(from, out, plane)) continue;
+    out.measure_extent(plane);
+    if (plane.area_m2 < config_.min_area_m2) {
+      out.give_back(plane.grid);
+      continue;
+    }
+    if (out.planes.size() >= std::min(limit, kMaxMapletPlanes)) {
+      out.give_back(plane.grid);
+      ++counts_.planes_trimmed;
+      continue;
+    }
+    const PlaneBasis basis = plane.basis();
+    const PlaneTangent tangent{basis.u, basis.v, plane.plane.n, plane.centre};
+    const Eigen::Matrix3d change = from.tangent.change_to(tangent);
+    plane.covariance = change * from.covariance() * change.transpose();
+    plane.covariance.diagonal() +=
+        Eigen::Vector3d{config_.floor_rad, config_.floor_rad, config_.floor_m}
+            .cwiseAbs2();  // eq. 7
+    plane.id = static_cast<std::uint8_t>(out.planes.size());
+    plane.observations = static_cast<std::uint8_t>(std::min<int>(from.observations, 255));
+    if (from.gray_area_m2 > 0.0) {
+      plane.mean_gray = static_cast<float>(from.gray_sum / from.gray_area_m2);
+    }
+    out.planes.push_back(plane);
+  }
+}
+
+}  // namespace maplet

@@ -1,0 +1,153 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+// Where on its plane a surface is: cells that patches cover and that later looks confirm.
+#include <algorithm>
+#include <cmath>
+
+#include "core/maplet/plane_map.hpp"
+#include "core/maplet/plane_view.hpp"
+
+namespace maplet {
+
+namespace {
+
+constexpr int kMaxSteps = 96;
+constexpr double kLooseAngle = 0.85;  // cosine between a loose patch and the plane it joins
+
+// Depth noise of a cell's look grows with the square of the distance.
+double slack_m(double fit_m, double depth_m) noexcept {
+  return 1.5 * fit_m + 0.002 * depth_m * depth_m;
+}
+
+}  // namespace
+
+// Marks the cells under a patch: rays at half a cell's distance, cut with the plane (eq. 6).
+void PlaneMap::place_patch(const View& view, FusedPlane& plane, const Patch& patch) noexcept {
+  const Plane local = view.T_camera_maplet * plane.plane;
+  const Eigen::Vector3d centre = patch.centre();
+  if (local.d <= 0.0 ||
+      std::abs(local.distance(centre)) > slack_m(config_.fit_m, centre.z()) * 0.7) {
+    ++counts_.patches_unfit;
+    return;
+  }
+  ++counts_.patches_placed;
+  const CameraModel& camera = view.set.camera;
+  const double slant = std::max(0.1, -local.n.dot(centre) / centre.norm());
+  const double step_px = 0.5 * config_.cell_m / centre.z() * std::abs(camera.fx_px) * slant;
+  const auto steps = [&](double px) {
+    return std::clamp(static_cast<int>(std::ceil(px / step_px)), 1, kMaxSteps);
+  };
+  const int across = steps(patch.width_px);
+  const int down = steps(patch.height_px);
+
+  const Eigen::Vector3d theta = local.theta();
+  const Eigen::Vector3d a = view.T_camera_maplet.q * plane.anchor.u / config_.cell_m;
+  const Eigen::Vector3d b = view.T_camera_maplet.q * plane.anchor.v / config_.cell_m;
+  const Eigen::Vector2d offset = plane.anchor.coordinates(view.T_maplet_camera.t) / config_.cell_m;
+  Tile* tile = nullptr;
+  for (int j = 0; j < down; ++j) {
+    for (int i = 0; i < across; ++i) {
+      const Eigen::Vector3d ray = camera.ray(patch.u_px - 0.5 + (i + 0.5) * patch.width_px / across,
+                                             patch.v_px - 0.5 + (j + 0.5) * patch.height_px / down);
+      const double inverse_depth = theta.dot(ray);
+      if (inverse_depth < 0.02) continue;  // beyond 50 m
+      const int column = static_cast<int>(std::floor(a.dot(ray) / inverse_depth + offset.x()));
+      const int row = static_cast<int>(std::floor(b.dot(ray) / inverse_depth + offset.y()));
+      if (std::abs(column) > 30000 || std::abs(row) > 30000) continue;
+      if (tile == nullptr || tile->column != (column >> 3) || tile->row != (row >> 3)) {
+        tile = cells_.make(plane.serial, plane.first_tile, column, row);
+        if (tile == nullptr) {
+          ++counts_.tiles_missing;
+          continue;
+        }
+      }
+      const std::uint64_t bit = std::uint64_t{1} << CellMap::index_in_tile(column, row);
+      if ((tile->touched & bit) == 0) ++plane.touched;
+      tile->touched |= bit;
+    }
+  }
+}
+
+// Patches that no frame plane took widen the map's planes where they fit and touch one.
+void PlaneMap::place_loose(const View& view) noexcept {
+  for (const std::uint16_t i : view.patches_of(view.set.planes.size())) {
+    const Patch& patch = view.set.patches[i];
+    const Eigen::Vector3d centre = view.T_maplet_camera * patch.centre();
+    const Eigen::Vector3d n = view.T_maplet_camera.q * Plane::from_theta(patch.theta).n;
+    FusedPlane* best = nullptr;
+    double least = config_.fit_m;
+    for (FusedPlane& plane : planes_.span()) {
+      const double off = std::abs(plane.plane.distance(centre));
+      if (off >= least || plane.plane.n.dot(n) < kLooseAngle) continue;
+      if (!beside(plane, centre, 2)) continue;
+      best = &plane;
+      least = off;
+    }
+    if (best == nullptr) {
+      ++counts_.patches_loose;
+    } else {
+      place_patch(view, *best, patch);
+    }
+  }
+}
+
+// Every cell in view is looked at through the frame's patches: surface there, or seen through?
+void PlaneMap::look(const View& view, Deadline deadline) noexcept {
+  const CameraModel& camera = view.set.camera;
+  const double reach = Tile::kSide * config_.cell_m * 0.75;
+  for (const FusedPlane& plane : planes_.span()) {
+    if (plane.plane.distance(view.T_maplet_camera.t) < 0.05) continue;  // seen from behind
+    if (deadline.expired()) {
+      ++counts_.deadline_misses;
+      return;
+    }
+    for (std::int32_t t = plane.first_tile; t >= 0; t = cells_.tile(t).next) {
+      Tile& tile = cells_.tile(t);
+      const Eigen::Vector3d centre =
+          view.T_camera_maplet *
+          plane.anchor.point((tile.column + 0.5) * Tile::kSide * config_.cell_m,
+                             (tile.row + 0.5) * Tile::kSide * config_.cell_m);
+      if (centre.z() < 0.2) continue;
+      const double margin = reach / centre.z() * std::abs(camera.fx_px);
+      const Eigen::Vector2d px = camera.project(centre);
+      if (px.x() < -margin || px.y() < -margin || px.x() > camera.width_px + margin ||
+          px.y() > camera.height_px + margin) {
+        continue;
+      }
+      look_at_tile(view, plane, tile);
+    }
+  }
+}
+
+void PlaneMap::look_at_tile(const View& view, const FusedPlane& plane, Tile& tile) const noexcept {
+  const CameraModel& camera = view.set.camera;
+  const Plane local = view.T_camera_maplet * plane.plane;
+  const Eigen::Vector3d u = view.T_camera_maplet.q * plane.anchor.u * config_.cell_m;
+  const Eigen::Vector3d v = view.T_camera_maplet.q * plane.anchor.v * config_.cell_m;
+  const Eigen::Vector3d corner =
+      view.T_camera_maplet * plane.anchor.point(tile.column * Tile::kSide * config_.cell_m,
+                                                tile.row * Tile::kSide * config_.cell_m);
+  const int across = view.blocks_across();
+  for (int cell = 0; cell < Tile::kSide * Tile::kSide; ++cell) {
+    if (((tile.touched >> cell) & 1U) == 0) continue;
+    for (int part = 0; part < 4; ++part) {
+      const Eigen::Vector3d p = corner + (cell % Tile::kSide + 0.25 + 0.5 * (part & 1)) * u +
+                                (cell / Tile::kSide + 0.25 + 0.5 * (part >> 1)) * v;
+      if (p.z() < 0.2) continue;
+      const Eigen::Vector2d px = camera.project(p);
+      if (!camera.contains(px)) continue;
+      const int block = static_cast<int>(px.y() + 0.5) / View::kBlock_px * across +
+                        static_cast<int>(px.x() + 0.5) / View::kBlock_px;
+      const std::int16_t seen = labels_[block];
+      if (seen < 0) continue;
+      const Eigen::Vector3d ray = p / p.z();
+      const double inverse_depth = view.set.patches[seen].theta.dot(ray);
+      if (inverse_depth < 0.02) continue;
+      const double off = local.n.dot(ray) / inverse_depth + local.d;
+      const double slack = slack_m(config_.fit_m, p.z());
+      if (off < -slack) tile.vote(cell, false);
+      if (std::abs(off) <= slack) tile.vote(cell, true);
+    }
+  }
+}
+
+}  // namespace maplet

@@ -1,0 +1,97 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "core/base/arena.hpp"
+#include "core/base/deadline.hpp"
+#include "core/base/static_vector.hpp"
+#include "core/maplet/cell_map.hpp"
+#include "core/maplet/config.hpp"
+#include "core/maplet/fused_plane.hpp"
+#include "core/maplet/maplet.hpp"
+#include "core/patches/patch.hpp"
+
+namespace maplet {
+
+/// What was not taken into a maplet, and why. Counts since start-up.
+struct MapletCounts {
+  std::uint64_t planes_dropped = 0;  ///< the map was full: the least informative went
+  std::uint64_t patches_unfit = 0;   ///< off the plane that they were said to belong to
+  std::uint64_t patches_loose = 0;   ///< on no plane
+  std::uint64_t patches_placed = 0;
+  std::uint64_t tiles_missing = 0;    ///< no room for more extent
+  std::uint64_t deadline_misses = 0;  ///< free space not looked at in time
+  std::uint64_t planes_trimmed = 0;   ///< left out to keep maplet.max_bytes
+};
+
+/// The planes of the maplet under construction and what keyframes saw of them.
+///
+/// Memory   kPlanes planes, a CellMap, labels of one frame, all in the arena (~1.5 MB).
+/// Time     of add: O(patches * planes + cells in view); cells in view stop at the deadline.
+/// Math     docs/math/maplet.md, eq. 3-7.
+class PlaneMap {
+ public:
+  static constexpr std::size_t kPlanes = 256;
+
+  PlaneMap(const MapletConfig& config, Arena& arena);
+  void clear() noexcept;
+
+  /// Fuses a keyframe's planes and patches.
+  /// @param covariance  of T_maplet_camera, tangent of camera
+  void add(const PatchSet& set, const Se3& T_maplet_camera, const Matrix6d& covariance,
+           Deadline deadline) noexcept;
+
+  /// Writes the planes into `out`, the most informative first.
+  /// @param limit  planes at most
+  void assemble(Maplet& out, std::size_t limit) noexcept;
+
+  /// What assemble would about encode to.
+  [[nodiscard]] std::size_t estimated_bytes() const noexcept;
+  [[nodiscard]] std::span<const FusedPlane> planes() const noexcept { return planes_.span(); }
+  [[nodiscard]] const MapletCounts& counts() const noexcept { return counts_; }
+  [[nodiscard]] MapletCounts& counts() noexcept { return counts_; }
+
+ private:
+  struct View;  // one keyframe, while it is added
+
+  // An arena array that is filled from the front.
+  struct PlaneList {
+    std::span<FusedPlane> storage;
+    std::size_t count = 0;
+    [[nodiscard]] std::span<FusedPlane> span() const noexcept { return storage.first(count); }
+  };
+
+  void label(const PatchSet& set) noexcept;
+  [[nodiscard]] PlaneSighting sight(const View& view, std::size_t frame_plane) const noexcept;
+  [[nodiscard]] FusedPlane* associate(const View& view, const PlaneSighting& sighting,
+                                      std::size_t frame_plane) noexcept;
+  [[nodiscard]] bool touches(const View& view, const FusedPlane& plane,
+                             std::size_t frame_plane) noexcept;
+  [[nodiscard]] bool beside(const FusedPlane& plane, const Eigen::Vector3d& p, int reach) noexcept;
+  [[nodiscard]] FusedPlane* make_plane(const PlaneSighting& sighting) noexcept;
+  void place_patch(const View& view, FusedPlane& plane, const Patch& patch) noexcept;
+  void place_loose(const View& view) noexcept;
+  void merge_alike() noexcept;
+  void absorb(FusedPlane& keep, FusedPlane& gone) noexcept;
+  void look(const View& view, Deadline deadline) noexcept;
+  template <class F>
+  void for_occupied(const FusedPlane& plane, F f) const noexcept;
+  [[nodiscard]] bool lay_grid(const FusedPlane& from, Maplet& out,
+                              MapletPlane& plane) const noexcept;
+  void look_at_tile(const View& view, const FusedPlane& plane, Tile& tile) const noexcept;
+
+  MapletConfig config_;
+  CellMap cells_;
+  PlaneList planes_;
+  std::span<std::int16_t> labels_;     // patch of each 4 x 4 block, or -1
+  std::span<std::uint16_t> order_;     // patches, those of one frame plane together
+  std::span<std::uint16_t> first_of_;  // of each frame plane in order_
+  std::span<std::uint16_t> ranked_;    // planes, for assemble
+  std::uint32_t serial_ = 0;
+  std::uint32_t keyframe_ = 0;
+  MapletCounts counts_;
+};
+
+}  // namespace maplet
