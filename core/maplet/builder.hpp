@@ -77,7 +77,8 @@ class MapletBuilder {
   PlaneMap map_;
   CutRule rule_;
   StaticVector<Member, kMaxMapletKeyframes> members_;
-  std::span<Keyframe> recent_;    // a ring: the last of the current maplet
+  // A ring: the last keyframes of the current maplet.
+  StaticVector<Arena::Owned<Keyframe>, MapletConfig::kMaxOverlapKeyframes> recent_;
   std::size_t recent_count_ = 0;  // ever, in this segment
   std::size_t shared_ = 0;        // members that the maplet before has too
   std::uint32_t segment_ = 0;
