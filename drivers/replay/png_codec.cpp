@@ -189,6 +189,9 @@ bool write(std::FILE* file, int width_px, int height_px, int bits,
   png_set_IHDR(png, info, static_cast<png_uint_32>(width_px), static_cast<png_uint_32>(height_px),
                bits, PNG_COLOR_TYPE_GRAY, PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT,
                PNG_FILTER_TYPE_DEFAULT);
+  // A fifth of libpng's default time: depth in steps repeats as it is, gray as differences.
+  png_set_compression_level(png, bits == 16 ? 4 : 2);
+  png_set_filter(png, PNG_FILTER_TYPE_BASE, bits == 16 ? PNG_FILTER_NONE : PNG_FILTER_SUB);
   png_write_info(png, info);
   if (bits == 16 && std::endian::native == std::endian::little) png_set_swap(png);
   for (const std::byte* row : rows) {

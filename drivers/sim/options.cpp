@@ -69,4 +69,21 @@ tl::expected<SimOptions, std::string> parse_options(
   return options;
 }
 
+std::string describe_options() {
+  const SimOptions defaults;
+  std::string text;
+  for (const auto& field : SimOptions::kFields) {
+    double value = 0.0;
+    if (const auto* flag = std::get_if<bool SimOptions::*>(&field.member)) {
+      value = defaults.*(*flag) ? 1.0 : 0.0;
+    } else if (const auto* count = std::get_if<int SimOptions::*>(&field.member)) {
+      value = defaults.*(*count);
+    } else if (const auto* real = std::get_if<double SimOptions::*>(&field.member)) {
+      value = defaults.*(*real);
+    }
+    text += fmt::format("  {:<20}{} (default {})\n", field.key, field.help, value);
+  }
+  return text;
+}
+
 }  // namespace maplet::sim

@@ -60,4 +60,7 @@ struct SimOptions {
 [[nodiscard]] tl::expected<SimOptions, std::string> parse_options(
     const std::map<std::string, std::string>& parameters);
 
+/// A line for each key: what it does and its default.
+[[nodiscard]] std::string describe_options();
+
 }  // namespace maplet::sim

@@ -9,6 +9,7 @@ int main(int argc, char** argv) {
   CLI::App app{"mapletctl: looks at recordings, maplets, skeletons and a running mapletd"};
   app.require_subcommand(1);
   add_eval(app);
+  add_simulate(app);
   add_version(app);
   try {
     app.parse(argc, argv);
