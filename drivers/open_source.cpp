@@ -5,6 +5,7 @@
 
 #include <limits>
 
+#include "drivers/openni2/openni2_source.hpp"
 #include "drivers/replay/tum_source.hpp"
 #include "drivers/sim/sim_source.hpp"
 #include "drivers/uri.hpp"
@@ -38,6 +39,11 @@ OpenedSource open_simulator(const Uri& uri, const SourceOptions& options) {
   return std::move(*source);
 }
 
+OpenedSource open_camera(const Uri& uri, const SourceOptions& options) {
+  if (auto known = uri.only({}); !known) return source_error(Kind::kUsage, known.error());
+  return open_openni2(uri.path, options);
+}
+
 struct Scheme {
   std::string_view name;
   std::string_view usage;
@@ -45,6 +51,7 @@ struct Scheme {
 };
 
 constexpr Scheme kSchemes[] = {
+    {"openni2", "openni2:, openni2:DEVICE-URI, openni2:FILE.oni", open_camera},
     {"sim", "sim:WORLD", open_simulator},
     {"tum", "tum:DIR", open_tum},
 };

@@ -2,7 +2,6 @@
 #include "drivers/replay/image_file.hpp"
 
 #include <fcntl.h>
-#include <fmt/format.h>
 #include <sys/stat.h>
 #include <turbojpeg.h>
 #include <unistd.h>
@@ -25,12 +24,7 @@ constexpr std::size_t kMaxFileBytes = kMaxWidthPx * kMaxHeightPx * 4 + 65536;
 
 template <class... Args>
 tl::unexpected<ImageError> bad(ErrorCode code, fmt::format_string<Args...> text, Args&&... args) {
-  ImageError error{code, {}};
-  error.what.resize(error.what.max_size());
-  const auto end =
-      fmt::format_to_n(error.what.data(), error.what.size(), text, std::forward<Args>(args)...);
-  error.what.resize(std::min(end.size, error.what.max_size()));
-  return tl::unexpected<ImageError>{error};
+  return tl::unexpected<ImageError>{ImageError{code, line(text, std::forward<Args>(args)...)}};
 }
 
 struct JpegHandle {

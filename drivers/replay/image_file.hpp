@@ -1,7 +1,6 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <boost/static_string/static_string.hpp>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -12,6 +11,7 @@
 
 #include "core/base/expected.hpp"
 #include "core/frame/depth_frame.hpp"
+#include "drivers/line.hpp"
 
 namespace maplet {
 
@@ -27,7 +27,7 @@ struct ImageSize {
 /// What is wrong with which image, in one line. Memory: no heap.
 struct ImageError {
   ErrorCode code;  ///< kIo (cannot be read or written) or kBadInput
-  boost::static_string<400> what;
+  Line what;
 };
 
 /// Reads PNG and JPEG images into buffers of the caller. Survives any bytes.

@@ -194,10 +194,7 @@ Expected<DepthFrame> TumSource::next(Deadline deadline) noexcept {
   for (; next_ < entries_.size(); ++next_) {
     const Entry& entry = entries_[next_];
     const auto skip = [&](std::string_view why) {
-      detail_.resize(detail_.max_size());
-      const auto end = fmt::format_to_n(detail_.data(), detail_.size(), "{}/depth.txt:{}: {}",
-                                        folder_.c_str(), entry.line, why);
-      detail_.resize(std::min(end.size, detail_.max_size()));
+      detail_ = line("{}/depth.txt:{}: {}", folder_.c_str(), entry.line, why);
     };
     if (entry.depth.empty()) {
       ++counters_.unreadable;

@@ -41,9 +41,7 @@ class TumSource final : public DepthSource {
 
   [[nodiscard]] Expected<DepthFrame> next(Deadline deadline) noexcept override;
   [[nodiscard]] SourceCounters counters() const noexcept override { return counters_; }
-  [[nodiscard]] std::string_view detail() const noexcept override {
-    return {detail_.data(), detail_.size()};
-  }
+  [[nodiscard]] std::string_view detail() const noexcept override { return view(detail_); }
   /// Selected lines of depth.txt: delivered frames and skipped ones.
   [[nodiscard]] std::optional<std::uint64_t> length() const noexcept override {
     return entries_.size();
@@ -78,7 +76,7 @@ class TumSource final : public DepthSource {
   std::vector<std::uint8_t> gray_;  ///< empty: none wanted or none there
   bool gray_loaded_ = false;
   SourceCounters counters_;
-  decltype(ImageError::what) detail_;
+  Line detail_;
 };
 
 }  // namespace maplet

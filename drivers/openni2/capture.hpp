@@ -1,0 +1,100 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <OpenNI.h>
+
+#include <array>
+#include <chrono>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/ports/depth_source.hpp"
+#include "drivers/line.hpp"
+#include "drivers/openni2/demand_gate.hpp"
+#include "drivers/openni2/pixels.hpp"
+#include "drivers/openni2/runtime.hpp"
+#include "drivers/source.hpp"
+
+namespace maplet::openni2 {
+
+/// Frames of one open device: see open_openni2().
+class Capture final : public DepthSource {
+ public:
+  static constexpr Duration kGrayTolerance = std::chrono::milliseconds{20};
+
+  /// @param uri  of a camera, or the absolute path of a recording
+  Capture(std::unique_ptr<Runtime> runtime, std::string uri, bool recording,
+          const SourceOptions& options);
+  ~Capture() override;
+
+  /// Opens and starts it; once. After an error the object is of no use.
+  [[nodiscard]] tl::expected<void, SourceError> open();
+
+  [[nodiscard]] Expected<DepthFrame> next(Deadline deadline) noexcept override;
+  [[nodiscard]] SourceCounters counters() const noexcept override { return counters_; }
+  [[nodiscard]] std::string_view detail() const noexcept override { return view(detail_); }
+  [[nodiscard]] std::optional<std::uint64_t> length() const noexcept override { return length_; }
+
+ private:
+  using Setup = tl::expected<void, SourceError>;
+  using Monotonic = std::chrono::steady_clock;
+
+  /// A stream, and the gate that keeps a recording's frames in step.
+  struct Channel {
+    std::unique_ptr<DemandGate> gate;  ///< outlives the stream
+    openni::VideoStream stream;
+    bool demanded = false;
+
+    void demand() noexcept;
+    [[nodiscard]] bool read(openni::VideoFrameRef& frame) noexcept;
+  };
+  struct GrayImage {
+    std::vector<std::uint8_t> pixels;
+    std::optional<Stamp> stamp;  ///< nothing: no image yet
+  };
+  enum class Got : std::uint8_t { kDepth, kColour, kNothing, kFailure };
+
+  Setup open_depth();
+  Setup set_depth_mode();
+  Setup set_camera(int width_px, int height_px);
+  Setup open_recording();
+  void open_colour();
+  Setup start(Channel& channel);
+
+  Got wait(bool depth_too, int timeout_ms) noexcept;
+  void take_depth() noexcept;
+  void take_colour() noexcept;
+  [[nodiscard]] bool gray_settled() noexcept;
+  [[nodiscard]] Expected<DepthFrame> nothing_came(bool ended) noexcept;
+  [[nodiscard]] DepthFrame deliver() noexcept;
+  [[nodiscard]] tl::unexpected<SourceError> bad(std::string what) const;
+
+  std::unique_ptr<Runtime> runtime_;  // first: goes last
+  const std::string uri_;
+  const bool recording_;
+  const SourceOptions options_;
+  DeviceEvents events_;
+  openni::Device device_;
+  Channel depth_;
+  Channel colour_;
+  Layout layout_{};
+  bool gray_wanted_ = false;
+
+  DepthFrame frame_;
+  std::vector<std::uint16_t> pixels_;
+  bool have_depth_ = false;
+  Monotonic::time_point depth_came_{};
+  Monotonic::time_point last_came_{};
+  std::optional<Stamp> last_stamp_;
+  std::optional<int> last_index_;
+  std::uint64_t next_index_ = 0;
+  std::array<GrayImage, 2> grays_;
+  std::size_t newest_gray_ = 0;
+
+  SourceCounters counters_;
+  std::optional<std::uint64_t> length_;
+  Line detail_;
+};
+
+}  // namespace maplet::openni2

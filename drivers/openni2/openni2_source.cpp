@@ -1,0 +1,80 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#include "drivers/openni2/openni2_source.hpp"
+
+#include <fmt/format.h>
+
+#include <filesystem>
+
+#include "drivers/openni2/capture.hpp"
+
+namespace maplet {
+
+namespace {
+
+using openni2::Capture;
+using Kind = SourceError::Kind;
+using Setup = tl::expected<void, SourceError>;
+
+bool names_a_file(const std::string& where) {
+  std::error_code ignored;
+  return where.ends_with(".oni") || std::filesystem::is_regular_file(where, ignored);
+}
+
+/// The path as OpenNI2 wants it: absolute, for it changes the working directory.
+tl::expected<std::string, SourceError> file_path(const std::string& where) {
+  constexpr std::size_t kMaxPath = ONI_MAX_STR - 1;
+  std::error_code error;
+  const auto status = std::filesystem::status(where, error);
+  if (!std::filesystem::is_regular_file(status)) {
+    return source_error(
+        Kind::kBad, fmt::format("openni2: {}: {}", where, error ? error.message() : "not a file"));
+  }
+  const std::string path = std::filesystem::absolute(where, error).string();
+  if (path.size() > kMaxPath) {
+    return source_error(Kind::kBad, fmt::format("openni2: {}: OpenNI2 takes paths of {} bytes at "
+                                                "most: move it",
+                                                path, kMaxPath));
+  }
+  return path;
+}
+
+/// The URI of the camera to open.
+tl::expected<std::string, SourceError> find_camera(const std::string& where) {
+  const auto there = openni2::camera_uris();
+  if (where.empty() && !there.empty()) return there.front();
+  if (!where.empty() && std::find(there.begin(), there.end(), where) != there.end()) return where;
+  return source_error(
+      Kind::kAbsent,
+      where.empty()
+          ? std::string{"no OpenNI2 device found: connect a camera; when one is "
+                        "connected, let this user open it (udev rules)"}
+          : fmt::format("no OpenNI2 device found at {}: connect it, or choose from: {}", where,
+                        there.empty() ? "none" : fmt::format("{}", fmt::join(there, ", "))));
+}
+
+}  // namespace
+
+OpenedSource open_openni2(const std::string& where, const SourceOptions& options) {
+  const bool file = names_a_file(where);
+  std::string uri;
+  if (file) {
+    auto path = file_path(where);
+    if (!path) return tl::unexpected{path.error()};
+    uri = std::move(*path);
+  }
+  auto runtime = std::make_unique<openni2::Runtime>();
+  if (!runtime->good()) {
+    return source_error(Kind::kBad, fmt::format("OpenNI2 does not start: {}; install libopenni2-0",
+                                                openni2::last_error()));
+  }
+  if (!file) {
+    auto found = find_camera(where);
+    if (!found) return tl::unexpected{found.error()};
+    uri = std::move(*found);
+  }
+  auto capture = std::make_unique<Capture>(std::move(runtime), std::move(uri), file, options);
+  if (auto opened = capture->open(); !opened) return tl::unexpected{opened.error()};
+  return capture;
+}
+
+}  // namespace maplet
