@@ -1,0 +1,44 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "core/base/field.hpp"
+
+namespace maplet {
+
+/// How maplets are aligned. Section [registration].
+struct RegistrationConfig {
+  double gate_m = 0.6;
+  double gate_rad = 0.35;
+  double link_gate_m = 0.15;
+  double link_gate_rad = 0.1;
+  int max_iterations = 20;
+  int min_matches = 2;
+  double min_extent_overlap = 0.15;
+  double uneven_m = 0.008;
+  double uneven_rad = 0.012;
+  double free_sigma_m = 0.15;
+
+  static constexpr Field<RegistrationConfig> kFields[] = {
+      {"gate_m", &RegistrationConfig::gate_m, 0.01, 5.0,
+       "How far off a guess between any two maplets may be"},
+      {"gate_rad", &RegistrationConfig::gate_rad, 0.01, 1.0,
+       "How far turned a guess between any two maplets may be"},
+      {"link_gate_m", &RegistrationConfig::link_gate_m, 0.01, 5.0,
+       "How far off the odometry may be from one maplet to the next"},
+      {"link_gate_rad", &RegistrationConfig::link_gate_rad, 0.01, 1.0,
+       "How far turned the odometry may be from one maplet to the next"},
+      {"max_iterations", &RegistrationConfig::max_iterations, 1, 100,
+       "Rounds of matching and solving"},
+      {"min_matches", &RegistrationConfig::min_matches, 1, 50,
+       "With fewer pairs of planes there is no overlap"},
+      {"min_extent_overlap", &RegistrationConfig::min_extent_overlap, 0.0, 1.0,
+       "Share of the smaller plane that must lie on the larger one's extent"},
+      {"uneven_m", &RegistrationConfig::uneven_m, 0.0, 0.5,
+       "What real surfaces differ by from one view to another, beyond the planes' covariance"},
+      {"uneven_rad", &RegistrationConfig::uneven_rad, 0.0, 0.5, "The same for their direction"},
+      {"free_sigma_m", &RegistrationConfig::free_sigma_m, 0.001, 10.0,
+       "A direction known worse than this counts as free"},
+  };
+};
+
+}  // namespace maplet

@@ -1,0 +1,181 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#include "core/registration/icap.hpp"
+
+#include <Eigen/LU>
+#include <Eigen/SVD>
+#include <algorithm>
+#include <cmath>
+
+#include "core/registration/observability.hpp"
+
+namespace maplet {
+
+namespace {
+
+constexpr double kNu = 5.0;
+constexpr double kConverged_m = 2e-4;
+constexpr double kConverged_rad = 1e-4;
+constexpr double kGateShrink = 0.6;
+constexpr double kLeastGate_m = 0.08;
+constexpr double kLeastGate_rad = 0.08;
+
+// eq. 5: where b's plane lies about a's, under T.
+Eigen::Vector3d residual(const PlanePair& pair, const Se3& T) noexcept {
+  return pair.tangent.of(T * pair.b->plane->plane);
+}
+
+// eq. 6: its derivative by xi in T exp(xi).
+Eigen::Matrix<double, 3, 6> jacobian(const PlanePair& pair, const Se3& T) noexcept {
+  PlaneTangent at_b = pair.tangent.moved(T.inverse());
+  at_b.n = pair.b->plane->plane.n;
+  Eigen::Matrix<double, 3, 6> j = Eigen::Matrix<double, 3, 6>::Zero();
+  j.block<1, 3>(0, 3) = at_b.n.cross(at_b.u).transpose();
+  j.block<1, 3>(1, 3) = at_b.n.cross(at_b.v).transpose();
+  j.block<1, 3>(2, 0) = -at_b.n.transpose();
+  j.block<1, 3>(2, 3) = at_b.n.cross(at_b.centre).transpose();
+  return j;
+}
+
+double robust_weight(double chi2) noexcept { return std::min(1.0, (kNu + 3.0) / (kNu + chi2)); }
+
+struct Sums {
+  Matrix6d information = Matrix6d::Zero();
+  Matrix6d spurious = Matrix6d::Zero();
+  Vector6d gradient = Vector6d::Zero();
+  Eigen::Vector3d pivot = Eigen::Vector3d::Zero();  // b's frame
+  double chi2 = 0.0;
+  double squares_m2 = 0.0;
+};
+
+Sums accumulate(std::span<const PlanePair> pairs, const Se3& T) noexcept {
+  Sums sums;
+  const Se3 T_inverse = T.inverse();
+  for (const PlanePair& pair : pairs) {
+    const Eigen::Vector3d r = residual(pair, T);
+    const Eigen::Matrix<double, 3, 6> j = jacobian(pair, T);
+    const double chi2 = r.dot(pair.weight * r);
+    const Eigen::Matrix3d w = robust_weight(chi2) * pair.weight;
+    sums.information += j.transpose() * w * j;
+    sums.gradient += j.transpose() * (w * r);
+    sums.chi2 += robust_weight(chi2) * chi2;
+    sums.squares_m2 += r[2] * r[2];
+    sums.pivot += T_inverse * pair.tangent.centre;
+    // eq. 9: an offset that is measured along a wrong normal.
+    const Eigen::Vector3d u = T_inverse.q * pair.tangent.u;
+    const Eigen::Vector3d v = T_inverse.q * pair.tangent.v;
+    const double uneven = pair.uneven_rad * pair.uneven_rad;
+    const Eigen::Matrix3d& cb = pair.b->plane->covariance;
+    sums.spurious.topLeftCorner<3, 3>() += w(2, 2) * ((cb(0, 0) + uneven) * u * u.transpose() +
+                                                      (cb(1, 1) + uneven) * v * v.transpose());
+  }
+  sums.pivot /= std::max<double>(1.0, static_cast<double>(pairs.size()));
+  return sums;
+}
+
+}  // namespace
+
+Expected<MapletAlignment> Icap::align(const Maplet& a, const Maplet& b,
+                                      const Transform<MapletA, MapletB>& guess, double gate_m,
+                                      double gate_rad, Deadline deadline) noexcept {
+  MapletAlignment out;
+  if (a.planes.empty() || b.planes.empty()) {
+    return fail(ErrorCode::kNoOverlap, "a maplet without planes");
+  }
+  pairs_.prepare(a, b);
+  Se3 T = guess.se3;
+  bool settled = false;
+  bool matched = false;
+  for (out.stop = Stop::kIterationLimit; static_cast<int>(out.iterations) < config_.max_iterations;
+       ++out.iterations) {
+    if (deadline.expired()) {
+      out.stop = Stop::kDeadline;
+      break;
+    }
+    pairs_.match(T, gate_m, gate_rad, config_);
+    matched = true;
+    if (static_cast<int>(pairs_.pairs().size()) < config_.min_matches) {
+      return fail(ErrorCode::kNoOverlap, "too few planes in common");
+    }
+    const bool narrow = gate_m <= kLeastGate_m && gate_rad <= kLeastGate_rad;
+    settled = improve(T, guess.se3, !narrow);
+    if (settled && narrow) {
+      out.stop = Stop::kConverged;
+      ++out.iterations;
+      break;
+    }
+    gate_m = std::max(kLeastGate_m, kGateShrink * gate_m);
+    gate_rad = std::max(kLeastGate_rad, kGateShrink * gate_rad);
+  }
+  if (!matched) {  // no time at all: the guess, and what it would match
+    pairs_.match(T, gate_m, gate_rad, config_);
+    if (pairs_.pairs().empty()) return fail(ErrorCode::kNoOverlap, "too few planes in common");
+  }
+  conclude(a, b, T, out);
+  return out;
+}
+
+// One round under the present pairs. @return whether T hardly moved
+bool Icap::improve(Se3& T, const Se3& guess, bool closed_form) noexcept {
+  const auto pairs = pairs_.pairs();
+  const Se3 before = T;
+  if (closed_form) {
+    // eq. 7, 8 (paper: eq. 4-8). What the pairs leave free stays at the guess.
+    constexpr double kHold = 1e-3;
+    double total = 0.0;
+    Eigen::Matrix3d h = Eigen::Matrix3d::Zero();
+    for (const PlanePair& pair : pairs) {
+      const Eigen::Vector3d r = residual(pair, T);
+      const double w = pair.area_m2 * robust_weight(r.dot(pair.weight * r) / 25.0);
+      h += w * pair.a->plane->plane.n * pair.b->plane->plane.n.transpose();
+      total += w;
+    }
+    h += kHold * total * guess.rotation();
+    const Eigen::JacobiSVD<Eigen::Matrix3d, Eigen::NoQRPreconditioner> svd{
+        h, Eigen::ComputeFullU | Eigen::ComputeFullV};
+    Eigen::Matrix3d fix = Eigen::Matrix3d::Identity();
+    fix(2, 2) = (svd.matrixU() * svd.matrixV().transpose()).determinant();
+    T.q = Eigen::Quaterniond{svd.matrixU() * fix * svd.matrixV().transpose()};
+
+    Eigen::Matrix3d normal = kHold * total * Eigen::Matrix3d::Identity();
+    Eigen::Vector3d right = kHold * total * guess.t;
+    for (const PlanePair& pair : pairs) {
+      const Eigen::Vector3d r = residual(pair, T);
+      const double w = pair.area_m2 * robust_weight(r[2] * r[2] * pair.weight(2, 2) / 25.0);
+      const Eigen::Vector3d n = T.q * pair.b->plane->plane.n;
+      // About the middle of what both saw: the planes' d amplify errors of direction.
+      const double offset = n.dot(pair.tangent.centre) + pair.b->plane->plane.d;
+      normal += w * n * n.transpose();
+      right += w * offset * n;
+    }
+    T.t = normal.inverse() * right;
+  }
+  const Sums sums = accumulate(pairs, T);
+  const Observability seen =
+      Observability::of(sums.information, sums.spurious, sums.pivot, config_.free_sigma_m);
+  T = T * Se3::exp(-seen.step_inverse * sums.gradient);
+  const Vector6d moved = (before.inverse() * T).log();
+  return moved.head<3>().norm() < kConverged_m && moved.tail<3>().norm() < kConverged_rad;
+}
+
+void Icap::conclude(const Maplet&, const Maplet&, const Se3& T, MapletAlignment& out) noexcept {
+  const auto pairs = pairs_.pairs();
+  const Sums sums = accumulate(pairs, T);
+  const Observability seen =
+      Observability::of(sums.information, sums.spurious, sums.pivot, config_.free_sigma_m);
+  const double known = 6.0 - static_cast<double>(seen.free_axes.size());
+  const double count = static_cast<double>(pairs.size());
+  out.T_a_b = Transform<MapletA, MapletB>{T};
+  out.chi2_per_dof = sums.chi2 / std::max(1.0, 3.0 * count - known);
+  const double scale = std::max(1.0, out.chi2_per_dof);
+  out.information = seen.information / scale;
+  out.covariance = seen.covariance * scale;
+  out.free_axes = seen.free_axes;
+  out.matches = static_cast<std::uint16_t>(pairs.size());
+  out.rms_m = std::sqrt(sums.squares_m2 / std::max(1.0, count));
+  double shared = 0.0;
+  for (const PlanePair& pair : pairs) shared += pair.area_m2;
+  out.overlap =
+      std::min(1.0, shared / std::max(1e-6, std::min(pairs_.area_a_m2(), pairs_.area_b_m2())));
+}
+
+}  // namespace maplet

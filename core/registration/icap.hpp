@@ -1,0 +1,64 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+
+#include "core/base/deadline.hpp"
+#include "core/base/expected.hpp"
+#include "core/base/static_vector.hpp"
+#include "core/registration/config.hpp"
+#include "core/registration/delta_pose.hpp"
+#include "core/registration/plane_pairs.hpp"
+
+namespace maplet {
+
+/// How two maplets lie to each other by their planes, and how sure that is.
+struct MapletAlignment {
+  Transform<MapletA, MapletB> T_a_b;
+  Matrix6d covariance = Matrix6d::Zero();   ///< m^2, rad^2; tangent of b; wide along free axes
+  Matrix6d information = Matrix6d::Zero();  ///< its inverse, zero along free axes
+  /// Unit tangents (b; rad scaled by 1 m) that the planes leave free: T_a_b keeps the guess there.
+  StaticVector<Vector6d, 6> free_axes;
+  std::uint16_t matches = 0;
+  double overlap = 0.0;       ///< area matched / area of the smaller maplet, 0..1
+  double chi2_per_dof = 0.0;  ///< of the matches, before covariance was scaled by it
+  double rms_m = 0.0;         ///< of the matches' offsets
+  std::uint32_t iterations = 0;
+  Stop stop = Stop::kConverged;
+};
+
+/// Aligns the planes of two maplets: Iterative Closest Algebraic Plane.
+///
+/// Memory   fixed, inside the object (~300 KB): no heap.
+/// Time     O(iterations * planes_a * planes_b); overruns by one iteration at most.
+/// Threads  one caller at a time.
+/// Math     docs/math/icap.md (paper: Algorithm 3, eq. 2-8).
+class Icap {
+ public:
+  explicit Icap(const RegistrationConfig& config) noexcept : config_{config} {}
+
+  /// @param guess  T_a_b within gate_m, gate_rad of the truth
+  /// @return T_a_b with its covariance and the axes the planes leave free, or
+  ///   kNoOverlap  fewer than config.min_matches pairs
+  [[nodiscard]] Expected<MapletAlignment> align(const Maplet& a, const Maplet& b,
+                                                const Transform<MapletA, MapletB>& guess,
+                                                Deadline deadline) noexcept {
+    return align(a, b, guess, config_.gate_m, config_.gate_rad, deadline);
+  }
+  [[nodiscard]] Expected<MapletAlignment> align(const Maplet& a, const Maplet& b,
+                                                const Transform<MapletA, MapletB>& guess,
+                                                double gate_m, double gate_rad,
+                                                Deadline deadline) noexcept;
+
+  /// The pairs of the last align.
+  [[nodiscard]] std::span<const PlanePair> pairs() const noexcept { return pairs_.pairs(); }
+
+ private:
+  [[nodiscard]] bool improve(Se3& T, const Se3& guess, bool closed_form) noexcept;
+  void conclude(const Maplet& a, const Maplet& b, const Se3& T, MapletAlignment& out) noexcept;
+
+  RegistrationConfig config_;
+  PlanePairs pairs_;
+};
+
+}  // namespace maplet

@@ -1,0 +1,170 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#include "core/registration/plane_pairs.hpp"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <bit>
+#include <cmath>
+
+namespace maplet {
+
+namespace {
+
+// Sets every stride-th occupied cell's centre: 64 cells at a time.
+void sample(const Maplet& m, PlaneFeature& feature) noexcept {
+  const CellGrid& grid = feature.plane->grid;
+  if (grid.occupied == 0 || grid.columns == 0) return;
+  const double size = m.cell_m_of(grid);
+  const std::uint32_t stride = std::max<std::uint32_t>(1, grid.occupied / PlaneFeature::kSamples);
+  const std::uint32_t end = grid.first_bit + std::uint32_t{grid.columns} * grid.rows;
+  std::uint32_t before = 0;
+  std::uint32_t target = stride / 2;
+  for (std::uint32_t word = grid.first_bit / 64; word * 64 < end; ++word) {
+    std::uint64_t bits = m.cells[word];
+    if (word * 64 < grid.first_bit) bits &= ~std::uint64_t{0} << (grid.first_bit % 64);
+    if (word * 64 + 64 > end) bits &= ~std::uint64_t{0} >> (word * 64 + 64 - end);
+    const auto count = static_cast<std::uint32_t>(std::popcount(bits));
+    while (target < before + count) {
+      std::uint64_t rest = bits;
+      for (std::uint32_t skip = target - before; skip > 0; --skip) rest &= rest - 1;
+      const std::uint32_t cell =
+          word * 64 + static_cast<std::uint32_t>(std::countr_zero(rest)) - grid.first_bit;
+      feature.samples.push_back(
+          feature.basis.point((grid.column0 + static_cast<int>(cell % grid.columns) + 0.5) * size,
+                              (grid.row0 + static_cast<int>(cell / grid.columns) + 0.5) * size));
+      if (full(feature.samples)) return;
+      target += stride;
+    }
+    before += count;
+  }
+}
+
+double read(const Maplet& m, StaticVector<PlaneFeature, kMaxMapletPlanes>& out) noexcept {
+  out.clear();
+  double area = 0.0;
+  for (const MapletPlane& p : m.planes) {
+    if (p.grid.occupied == 0) continue;
+    PlaneFeature& f = out.emplace_back();
+    f.plane = &p;
+    f.basis = p.basis();
+    f.tangent = {f.basis.u, f.basis.v, p.plane.n, p.centre};
+    sample(m, f);
+    area += p.area_m2;
+  }
+  return area;
+}
+
+// Whether a surface was seen within `slack` of p; far slack asks the bounding box only.
+bool seen_near(const Maplet& m, const PlaneFeature& f, const Eigen::Vector3d& p,
+               double slack_m) noexcept {
+  const CellGrid& grid = f.plane->grid;
+  const double size = m.cell_m_of(grid);
+  const Eigen::Vector2d at =
+      f.basis.coordinates(p) / size - Eigen::Vector2d{grid.column0, grid.row0};
+  const double slack = slack_m / size;
+  if (!(at.x() > -slack && at.y() > -slack && at.x() < grid.columns + slack &&
+        at.y() < grid.rows + slack)) {
+    return false;
+  }
+  if (slack_m > 0.2) return true;
+  for (const double dy : {0.0, -slack, slack}) {
+    for (const double dx : {0.0, -slack, slack}) {
+      const int column = static_cast<int>(std::floor(at.x() + dx));
+      const int row = static_cast<int>(std::floor(at.y() + dy));
+      if (column >= 0 && row >= 0 && column < grid.columns && row < grid.rows &&
+          m.cell(grid, column, row)) {
+        return true;
+      }
+    }
+  }
+  return false;
+}
+
+}  // namespace
+
+void PlanePairs::prepare(const Maplet& a, const Maplet& b) noexcept {
+  maplet_a_ = &a;
+  maplet_b_ = &b;
+  area_a_m2_ = read(a, a_);
+  area_b_m2_ = read(b, b_);
+  pairs_.clear();
+}
+
+void PlanePairs::consider(std::size_t ia, std::size_t ib, const Se3& T_a_b, const Se3& T_b_a,
+                          double gate_m, double gate_rad,
+                          const RegistrationConfig& config) noexcept {
+  const PlaneFeature& fa = a_[ia];
+  const PlaneFeature& fb = b_[ib];
+  const Plane b_in_a = T_a_b * fb.plane->plane;
+  // The smaller plane's samples on the larger one.
+  const bool b_smaller = fb.plane->area_m2 < fa.plane->area_m2;
+  const PlaneFeature& small = b_smaller ? fb : fa;
+  const double slack = std::max(0.5 * gate_m, maplet_a_->cell_m);
+  Eigen::Vector3d middle = Eigen::Vector3d::Zero();
+  std::size_t shared = 0;
+  for (const Eigen::Vector3d& p : small.samples) {
+    const bool near = b_smaller ? seen_near(*maplet_a_, fa, T_a_b * p, slack)
+                                : seen_near(*maplet_b_, fb, T_b_a * p, slack);
+    if (!near) continue;
+    ++shared;
+    middle += b_smaller ? T_a_b * p : p;
+  }
+  const double share = static_cast<double>(shared) /
+                       static_cast<double>(std::max<std::size_t>(1, small.samples.size()));
+  if (shared == 0 || share < config.min_extent_overlap) return;
+  middle /= static_cast<double>(shared);
+  middle -= fa.plane->plane.distance(middle) * fa.plane->plane.n;
+
+  const double off = b_in_a.distance(middle);
+  if (std::abs(off) > gate_m) return;
+  const double turned = (b_in_a.n - fa.plane->plane.n).norm();
+  const double cost =
+      (off * off / (gate_m * gate_m) + turned * turned / (gate_rad * gate_rad) + 0.05) /
+      share;  // eq. 2
+  if (best_of_a_[ia].other < 0 || cost < best_of_a_[ia].cost) {
+    best_of_a_[ia] = {static_cast<std::int16_t>(ib), cost, share, middle};
+  }
+  if (best_of_b_[ib].other < 0 || cost < best_of_b_[ib].cost) {
+    best_of_b_[ib] = {static_cast<std::int16_t>(ia), cost, share, middle};
+  }
+}
+
+void PlanePairs::match(const Se3& T_a_b, double gate_m, double gate_rad,
+                       const RegistrationConfig& config) noexcept {
+  pairs_.clear();
+  best_of_a_.fill({});
+  best_of_b_.fill({});
+  const Se3 T_b_a = T_a_b.inverse();
+  const double least_cosine = std::cos(std::min(gate_rad, 1.5));
+  for (std::size_t ib = 0; ib < b_.size(); ++ib) {
+    const Eigen::Vector3d n = T_a_b.q * b_[ib].plane->plane.n;
+    const Eigen::Vector3d centre = T_a_b * b_[ib].plane->centre;
+    for (std::size_t ia = 0; ia < a_.size(); ++ia) {
+      // n . n tells the seen sides apart too.
+      if (n.dot(a_[ia].plane->plane.n) < least_cosine) continue;
+      // With a lever arm the centres may be further off than the planes are.
+      const double reach = gate_m + gate_rad * (centre - a_[ia].plane->centre).norm();
+      if (std::abs(a_[ia].plane->plane.distance(centre)) > reach) continue;
+      consider(ia, ib, T_a_b, T_b_a, gate_m, gate_rad, config);
+    }
+  }
+  for (std::size_t ia = 0; ia < a_.size(); ++ia) {
+    const Best& best = best_of_a_[ia];
+    if (best.other < 0 || best_of_b_[best.other].other != static_cast<int>(ia)) continue;
+    const PlaneFeature& fa = a_[ia];
+    const PlaneFeature& fb = b_[best.other];
+    PlanePair pair{&fa, &fb, fa.tangent, {}, config.uneven_rad, best.share, 0.0};
+    pair.tangent.centre = best.middle;
+    pair.area_m2 = best.share * std::min(fa.plane->area_m2, fb.plane->area_m2);
+    const Eigen::Matrix3d change_a = fa.tangent.change_to(pair.tangent);
+    const Eigen::Matrix3d change_b = fb.tangent.moved(T_a_b).change_to(pair.tangent);
+    Eigen::Matrix3d covariance = change_a * fa.plane->covariance * change_a.transpose() +
+                                 change_b * fb.plane->covariance * change_b.transpose();
+    covariance.diagonal() +=
+        Eigen::Vector3d{config.uneven_rad, config.uneven_rad, config.uneven_m}.cwiseAbs2();
+    pair.weight = covariance.inverse();  // eq. 4
+    pairs_.push_back(pair);
+  }
+}
+
+}  // namespace maplet

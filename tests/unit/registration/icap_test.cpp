@@ -1,0 +1,230 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#include "core/registration/icap.hpp"
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <memory>
+
+#include "tests/support/maplets.hpp"
+
+namespace maplet {
+namespace {
+
+using namespace std::chrono_literals;
+using T_A_B = Transform<MapletA, MapletB>;
+
+class TickingClock final : public Clock {
+ public:
+  explicit TickingClock(Duration tick) : tick_{tick} {}
+  [[nodiscard]] Instant now() const noexcept override { return now_ += tick_; }
+
+ private:
+  Duration tick_;
+  mutable Instant now_{};
+};
+
+struct Views {
+  std::unique_ptr<Maplet> a = std::make_unique<Maplet>();
+  std::unique_ptr<Maplet> b = std::make_unique<Maplet>();
+  Se3 T_a_b;
+};
+
+Views two_views_of(const std::vector<test::Wall>& walls,
+                   const Se3& T_world_a = test::camera_at({2.0, 2.5, 1.2}, 0.2),
+                   const Se3& T_world_b = test::camera_at({2.8, 2.2, 1.25}, 0.7)) {
+  Views views;
+  test::fill(*views.a, walls, T_world_a);
+  test::fill(*views.b, walls, T_world_b);
+  views.T_a_b = T_world_a.inverse() * T_world_b;
+  return views;
+}
+
+T_A_B perturbed(const Se3& T, double m = 0.2, double rad = 0.08) {
+  Vector6d xi;
+  xi << m, -0.5 * m, 0.4 * m, rad, -0.6 * rad, 0.5 * rad;
+  return T_A_B{T * Se3::exp(xi)};
+}
+
+// The planes' estimates scatter as their covariance says.
+void disturb(Maplet& m, std::mt19937& rng) {
+  std::normal_distribution<double> normal;
+  for (MapletPlane& p : m.planes) {
+    const PlaneBasis basis = p.basis();
+    const PlaneTangent tangent{basis.u, basis.v, p.plane.n, p.centre};
+    Eigen::Vector3d delta;
+    for (int i = 0; i < 3; ++i) delta[i] = normal(rng) * std::sqrt(p.covariance(i, i));
+    p.plane = tangent.at(delta);
+    p.centre -= p.plane.distance(p.centre) * p.plane.n;
+  }
+}
+
+void expect_near(const Se3& T, const Se3& truth, double m, double rad) {
+  const Vector6d off = (truth.inverse() * T).log();
+  EXPECT_LT(off.head<3>().norm(), m);
+  EXPECT_LT(off.tail<3>().norm(), rad);
+}
+
+Expected<MapletAlignment> align(const Views& v, const T_A_B& guess,
+                                const RegistrationConfig& config = {}) {
+  const auto icap = std::make_unique<Icap>(config);
+  return icap->align(*v.a, *v.b, guess, Deadline::never());
+}
+
+TEST(Icap, FindsTheExactTransform) {
+  const Views v = two_views_of(test::room());
+  const auto out = align(v, perturbed(v.T_a_b));
+  ASSERT_TRUE(out) << out.error().what;
+  expect_near(out->T_a_b.se3, v.T_a_b, 1e-6, 1e-6);
+  EXPECT_EQ(out->stop, Stop::kConverged);
+  EXPECT_EQ(out->matches, test::room().size());
+  EXPECT_GT(out->overlap, 0.9);
+  EXPECT_TRUE(out->free_axes.empty());
+}
+
+TEST(Icap, KeepsUsableTransformWhenDeadlinePasses) {
+  const Views v = two_views_of(test::room());
+  const TickingClock clock{1ms};  // every look at the clock costs 1 ms
+  const auto icap = std::make_unique<Icap>(RegistrationConfig{});
+  const auto out = icap->align(*v.a, *v.b, perturbed(v.T_a_b), Deadline{clock, 3ms});
+  ASSERT_TRUE(out) << out.error().what;
+  EXPECT_EQ(out->stop, Stop::kDeadline);
+  EXPECT_EQ(out->iterations, 2U);
+  expect_near(out->T_a_b.se3, v.T_a_b, 0.1, 0.05);
+}
+
+TEST(Icap, IdenticalMapletsStayWhereTheyAre) {
+  const Views v =
+      two_views_of(test::room(), test::camera_at({2, 2, 1}, 0.3), test::camera_at({2, 2, 1}, 0.3));
+  const auto out = align(v, T_A_B{});
+  ASSERT_TRUE(out);
+  expect_near(out->T_a_b.se3, {}, 1e-9, 1e-9);
+  EXPECT_NEAR(out->overlap, 1.0, 1e-9);
+}
+
+TEST(Icap, NothingInCommonIsNoOverlap) {
+  Views v = two_views_of(test::room());
+  v.b->planes.clear();
+  EXPECT_EQ(align(v, T_A_B{}).error().code, ErrorCode::kNoOverlap);
+  v.a->planes.clear();
+  EXPECT_EQ(align(v, T_A_B{}).error().code, ErrorCode::kNoOverlap);
+}
+
+// The other side of a wall is another wall.
+TEST(Icap, SidesAreToldApart) {
+  const std::vector<test::Wall> one{{{3, 2.5, 1.3}, {0, 0, 1.3}, {0, 2.5, 0}}};
+  const std::vector<test::Wall> back{{{3, 2.5, 1.3}, {0, 2.5, 0}, {0, 0, 1.3}}};
+  Views v;
+  test::fill(*v.a, one, test::camera_at({1, 2.5, 1.2}, 0.0));
+  test::fill(*v.b, back, test::camera_at({1, 2.5, 1.2}, 0.0));
+  RegistrationConfig config;
+  config.min_matches = 1;
+  EXPECT_FALSE(align(v, T_A_B{}, config));
+}
+
+// Two walls that merely lie in one plane are not the same wall.
+TEST(Icap, ExtentsCount) {
+  const std::vector<test::Wall> left{{{3, 0.5, 1.3}, {0, 0, 1.3}, {0, 0.5, 0}}};
+  const std::vector<test::Wall> right{{{3, 4.5, 1.3}, {0, 0, 1.3}, {0, 0.5, 0}}};
+  Views v;
+  const Se3 T = test::camera_at({1, 2.5, 1.2}, 0.0);
+  test::fill(*v.a, left, T);
+  test::fill(*v.b, right, T);
+  RegistrationConfig config;
+  config.min_matches = 1;
+  EXPECT_FALSE(align(v, T_A_B{}, config));
+}
+
+TEST(Icap, CorridorLeavesItsAxisFree) {
+  const std::vector<test::Wall> corridor{{{10, 0, 0}, {10, 0, 0}, {0, 1, 0}},
+                                         {{10, 0, 2.6}, {0, 1, 0}, {10, 0, 0}},
+                                         {{10, -1, 1.3}, {0, 0, 1.3}, {10, 0, 0}},
+                                         {{10, 1, 1.3}, {10, 0, 0}, {0, 0, 1.3}}};
+  std::mt19937 rng{4};
+  for (int run = 0; run < 20; ++run) {
+    Views v = two_views_of(corridor, test::camera_at({8, 0, 1.2}, 0.0),
+                           test::camera_at({9, 0.1, 1.2}, 0.1));
+    disturb(*v.a, rng);
+    disturb(*v.b, rng);
+    const auto guess =
+        T_A_B{v.T_a_b * Se3::exp((Vector6d() << 0.1, 0.02, 0.2, 0, 0, 0).finished())};
+    const auto out = align(v, guess);
+    ASSERT_TRUE(out);
+    ASSERT_EQ(out->free_axes.size(), 1U);
+    // The corridor's axis, seen from b.
+    const Eigen::Vector3d axis =
+        test::camera_at({9, 0.1, 1.2}, 0.1).q.conjugate() * Eigen::Vector3d::UnitX();
+    EXPECT_GT(std::abs(out->free_axes[0].head<3>().dot(axis)), 0.99);
+    EXPECT_GT(axis.dot(out->covariance.topLeftCorner<3, 3>() * axis), 1.0);
+    // Along it the guess stays, across it the walls decide.
+    const Eigen::Vector3d off = out->T_a_b.se3.t - v.T_a_b.t;
+    const Eigen::Vector3d across = v.T_a_b.q * Eigen::Vector3d{std::cos(0.1), 0, -std::sin(0.1)};
+    EXPECT_LT(std::abs(off.dot(across)), 0.01);
+  }
+}
+
+TEST(Icap, OneWallFixesThreeAxes) {
+  const std::vector<test::Wall> one{{{3, 2.5, 1.3}, {0, 0, 1.3}, {0, 2.5, 0}}};
+  const Views v = two_views_of(one);
+  RegistrationConfig config;
+  config.min_matches = 1;
+  const auto out = align(v, T_A_B{v.T_a_b}, config);
+  ASSERT_TRUE(out);
+  EXPECT_EQ(out->free_axes.size(), 3U);
+  const auto two = align(v, T_A_B{v.T_a_b});
+  EXPECT_FALSE(two);  // min_matches is 2
+}
+
+TEST(Icap, ParallelPlanesFixThreeAxes) {
+  const std::vector<test::Wall> stack{{{3, 2.5, 0}, {3, 0, 0}, {0, 2.5, 0}},
+                                      {{2, 2.5, 0.7}, {0.5, 0, 0}, {0, 0.5, 0}},
+                                      {{4, 2.5, 1.0}, {0.5, 0, 0}, {0, 0.5, 0}}};
+  const Views v = two_views_of(stack);
+  const auto out = align(v, T_A_B{v.T_a_b});
+  ASSERT_TRUE(out);
+  EXPECT_EQ(out->free_axes.size(), 3U);
+}
+
+TEST(Icap, CovarianceIsHonest) {
+  RegistrationConfig config;
+  config.uneven_m = 0.0;
+  config.uneven_rad = 0.0;
+  std::mt19937 rng{9};
+  double sum = 0.0;
+  constexpr int kRuns = 100;
+  for (int run = 0; run < kRuns; ++run) {
+    Views v = two_views_of(test::room());
+    disturb(*v.a, rng);
+    disturb(*v.b, rng);
+    const auto out = align(v, perturbed(v.T_a_b, 0.05, 0.02), config);
+    ASSERT_TRUE(out);
+    const Vector6d error = (out->T_a_b.se3.inverse() * v.T_a_b).log();
+    sum += error.dot(out->covariance.inverse() * error) / 6.0;
+  }
+  EXPECT_GT(sum / kRuns, 0.5);
+  EXPECT_LT(sum / kRuns, 1.6);
+}
+
+TEST(Icap, WideGuessesConverge) {
+  std::mt19937 rng{21};
+  std::uniform_real_distribution<double> unit{-1.0, 1.0};
+  int good = 0;
+  constexpr int kRuns = 100;
+  for (int run = 0; run < kRuns; ++run) {
+    Views v = two_views_of(test::room());
+    disturb(*v.a, rng);
+    disturb(*v.b, rng);
+    Vector6d xi;
+    for (int i = 0; i < 6; ++i) xi[i] = unit(rng);
+    xi.head<3>() *= 0.5 / xi.head<3>().norm() * std::abs(unit(rng));
+    xi.tail<3>() *= 0.26 / xi.tail<3>().norm() * std::abs(unit(rng));
+    const auto out = align(v, T_A_B{v.T_a_b * Se3::exp(xi)});
+    if (!out) continue;
+    const Vector6d off = (v.T_a_b.inverse() * out->T_a_b.se3).log();
+    good += off.head<3>().norm() < 0.03 && off.tail<3>().norm() < 0.0087 ? 1 : 0;
+  }
+  EXPECT_GE(good, kRuns * 97 / 100);
+}
+
+}  // namespace
+}  // namespace maplet
