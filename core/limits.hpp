@@ -11,6 +11,7 @@ namespace maplet {
 inline constexpr std::size_t kMaxWidthPx = 1280;
 inline constexpr std::size_t kMaxHeightPx = 1024;
 inline constexpr std::size_t kMaxPatches = 2048;     ///< quadtree leaves of one frame
+inline constexpr std::size_t kMaxFrameCells = 6144;  ///< finest cells of the quadtree, padded
 inline constexpr std::size_t kMaxFramePlanes = 128;  ///< merged planes of one frame
 
 // A maplet.

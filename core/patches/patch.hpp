@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstdint>
 
 #include "core/base/deadline.hpp"
@@ -48,14 +49,55 @@ struct FramePlane {
   [[nodiscard]] Plane plane() const noexcept { return Plane::from_theta(theta); }
 };
 
+/// Which patch covers a pixel: one entry for each square cell of the image, row by row.
+///
+/// Memory  fixed: kMaxFrameCells entries.
+struct PatchGrid {
+  static constexpr std::int16_t kNone = -1;
+
+  std::uint16_t cell_px = 0;  ///< edge of a cell, a power of two; 0: no grid
+  std::uint16_t width = 0;    ///< in cells
+  std::uint16_t height = 0;
+  std::array<std::int16_t, kMaxFrameCells> patch;  ///< index into PatchSet::patches, or kNone
+
+  [[nodiscard]] std::int16_t at_cell(int i, int j) const noexcept { return patch[j * width + i]; }
+  /// Of any pixel; kNone outside the image. O(1).
+  [[nodiscard]] std::int16_t at_pixel(double u_px, double v_px) const noexcept {
+    if (!(u_px >= -0.5 && v_px >= -0.5) || u_px >= 65535.0 || v_px >= 65535.0) return kNone;
+    if (cell_px == 0) return kNone;
+    const int i = static_cast<int>(u_px + 0.5) / cell_px;
+    const int j = static_cast<int>(v_px + 0.5) / cell_px;
+    return i < width && j < height ? at_cell(i, j) : kNone;
+  }
+};
+
 /// What the patches stage gives: both levels, patches for tracking and planes for maplets.
 struct PatchSet {
   StaticVector<Patch, kMaxPatches> patches;
   StaticVector<FramePlane, kMaxFramePlanes> planes;
+  PatchGrid cells;
   CameraModel camera;  ///< of the frame that was read
   Stop stop = Stop::kConverged;
   std::uint32_t valid_pixels = 0;    ///< with a return
   std::uint32_t covered_pixels = 0;  ///< on some patch
+
+  /// The patch that covers a pixel, or nullptr. O(1).
+  [[nodiscard]] const Patch* patch_at(double u_px, double v_px) const noexcept {
+    const std::int16_t index = cells.at_pixel(u_px, v_px);
+    return index < 0 ? nullptr : &patches[index];
+  }
+  /// The index of the plane that covers a pixel, or Patch::kNoPlane. O(1).
+  [[nodiscard]] std::int16_t plane_at(double u_px, double v_px) const noexcept {
+    const Patch* patch = patch_at(u_px, v_px);
+    return patch == nullptr ? Patch::kNoPlane : patch->plane;
+  }
+  void clear() noexcept {
+    patches.clear();
+    planes.clear();
+    cells.cell_px = cells.width = cells.height = 0;
+    stop = Stop::kConverged;
+    valid_pixels = covered_pixels = 0;
+  }
 };
 
 }  // namespace maplet

@@ -1,0 +1,57 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "core/patches/moments.hpp"
+
+namespace maplet {
+
+/// The image is read in blocks of 8 x 8 pixels.
+inline constexpr int kBlockPx = 8;
+
+/// Which raw depths count, and how they become inverse depth in steps.
+struct DepthScale {
+  std::uint16_t min_raw = 1;
+  std::uint16_t max_raw = 65534;  ///< 65535 is saturation, not a distance
+  float steps_times_raw = 0.0F;   ///< 1/Z in steps = steps_times_raw / raw
+
+  /// @param metres_per_unit  anything; what is not a positive number gives a scale without pixels
+  [[nodiscard]] static DepthScale of(double metres_per_unit) noexcept;
+  [[nodiscard]] bool valid(std::uint16_t raw) const noexcept {
+    return raw >= min_raw && raw <= max_raw;
+  }
+};
+
+/// Nearer than this is no depth: keeps 1/Z within 19 bits.
+inline constexpr double kNearestM = 0.0625;
+/// Differences of 1/Z inside a block are clamped to this many steps (a quarter of 1/m): flat pixels
+/// never get there, and sums stay within 32 bits.
+inline constexpr int kMaxBlockStep = 8191;
+
+/// Integer sums over a block; u, v count from its top left pixel and w from w0.
+struct BlockSums {
+  std::int32_t n = 0, u = 0, v = 0, uu = 0, uv = 0, vv = 0;
+  std::int32_t w = 0, uw = 0, vw = 0, ww = 0;
+  std::int32_t w0 = 0;
+
+  /// @param u0, v0    the top left pixel, counted from the image's middle pixel
+  /// @param row_step  rows of the block are this far apart
+  [[nodiscard]] Moments moments(int u0, int v0, int row_step) const noexcept;
+};
+
+/// Sums `blocks` neighbouring blocks of `rows` <= 8 rows. All variants give the same integers.
+using BlockRowFunction = void (*)(const std::uint16_t* pixels, std::ptrdiff_t stride_px, int rows,
+                                  int blocks, const DepthScale& scale, BlockSums* out) noexcept;
+
+/// Any width up to 8: the image's right edge, and the reference for the fast variants.
+void sum_block_plain(const std::uint16_t* pixels, std::ptrdiff_t stride_px, int columns, int rows,
+                     const DepthScale& scale, BlockSums& out) noexcept;
+void sum_blocks_plain(const std::uint16_t* pixels, std::ptrdiff_t stride_px, int rows, int blocks,
+                      const DepthScale& scale, BlockSums* out) noexcept;
+
+/// The fastest variant that this processor runs.
+[[nodiscard]] BlockRowFunction best_block_function() noexcept;
+
+}  // namespace maplet

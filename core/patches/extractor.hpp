@@ -1,0 +1,48 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "core/base/arena.hpp"
+#include "core/base/deadline.hpp"
+#include "core/frame/depth_frame.hpp"
+#include "core/patches/merger.hpp"
+#include "core/patches/patch.hpp"
+#include "core/patches/patch_config.hpp"
+#include "core/patches/pyramid.hpp"
+#include "core/patches/quadtree.hpp"
+
+namespace maplet {
+
+/// Depth pixels -> planar patches -> connected planes.
+///
+/// Memory   fixed, from the arena; run() allocates nothing.
+/// Time     O(pixels) once, then O(1) a node; overruns its deadline by one node or one row of cells
+///          at most. Any cut leaves a valid result.
+/// Threads  one at a time.
+/// Math     docs/math/patches.md
+class PatchExtractor {
+ public:
+  PatchExtractor(const PatchConfig& config, Arena& arena);
+
+  /// Any frame has a result: sizes over the limits, cameras without focal length and frames without
+  /// a return give an empty one.
+  /// @return valid until the next call
+  [[nodiscard]] const PatchSet& run(const DepthFrame& frame, Deadline deadline) noexcept;
+
+ private:
+  void number_planes() noexcept;
+  void emit_planes(const DepthFrame& frame) noexcept;
+  void emit_patches(const DepthFrame& frame) noexcept;
+  [[nodiscard]] Eigen::Matrix3d information(const Moments& moments, double rss) const noexcept;
+
+  PatchConfig config_;
+  Pyramid pyramid_;
+  Quadtree tree_;
+  Merger merger_;
+  PixelFrame pixel_frame_{CameraModel{1, 1, 1.0, 1.0, 0.0, 0.0}};
+  double correlated_px_ = 1.0;
+  std::span<std::int16_t> plane_of_region_;
+  std::span<std::int16_t> largest_;  ///< regions, the largest first
+  Arena::Owned<PatchSet> out_;
+};
+
+}  // namespace maplet

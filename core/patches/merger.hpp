@@ -1,0 +1,70 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "core/base/arena.hpp"
+#include "core/base/deadline.hpp"
+#include "core/patches/moments.hpp"
+#include "core/patches/patch_config.hpp"
+#include "core/patches/pyramid.hpp"
+#include "core/patches/quadtree.hpp"
+
+namespace maplet {
+
+/// Connected leaves that are flat together.
+struct Region {
+  Moments moments;
+  double rss = 0.0;        ///< of its fit, steps^2
+  double cells_rss = 0.0;  ///< sum of its finest cells' residuals, steps^2
+  std::uint32_t pixels = 0;
+  std::uint32_t cells = 0;
+  std::int16_t merged_into = -1;  ///< another region, or -1
+};
+
+/// Merges leaves into planes: grows from the largest leaf outwards, then joins grown neighbours.
+/// Two sets of pixels are one plane when one fit explains them as well as two.
+///
+/// Memory   fixed, from the arena: kMaxRegions regions.
+/// Time     O(leaves + cells); overruns its deadline by one test at most.
+/// Threads  one at a time.
+/// Math     docs/math/patches.md, eq. 11-13
+class Merger {
+ public:
+  static constexpr std::size_t kMaxRegions = 512;
+
+  Merger(const PatchConfig& config, Arena& arena);
+
+  /// Sets the region of each leaf.
+  Stop run(const Pyramid& pyramid, Quadtree& tree, double correlated_px,
+           Deadline deadline) noexcept;
+
+  [[nodiscard]] std::span<const Region> regions() const noexcept {
+    return regions_.first(region_count_);
+  }
+  /// The region that a leaf's region has become.
+  [[nodiscard]] int resolve(int region) const noexcept;
+
+ private:
+  [[nodiscard]] bool same_plane(const Moments& a, double rss_a, const Moments& b, double rss_b,
+                                double& rss_union) const noexcept;
+  [[nodiscard]] bool grow(std::size_t seed, Deadline deadline) noexcept;
+  /// Cells along a crease agree with each other on a plane between the two real ones, one cell
+  /// wide: a plane has 2 x 2 cells somewhere.
+  [[nodiscard]] bool has_square(std::int16_t id) const noexcept;
+  void try_neighbour(int i, int j, std::int16_t id, Region& region) noexcept;
+  void join_neighbours(Deadline deadline) noexcept;
+  bool try_join(int a, int b) noexcept;
+
+  PatchConfig config_;
+  std::span<Region> regions_;
+  std::span<std::uint16_t> queue_;         ///< leaves of the growing region
+  std::span<std::uint64_t> tested_pairs_;  ///< bit matrix of regions
+  const Pyramid* pyramid_ = nullptr;       ///< during run()
+  Quadtree* tree_ = nullptr;               ///< during run()
+  double variance_ = 1.0, correlated_px_ = 1.0;
+  std::size_t region_count_ = 0, queue_end_ = 0;
+};
+
+}  // namespace maplet

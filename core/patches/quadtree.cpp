@@ -1,0 +1,115 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#include "core/patches/quadtree.hpp"
+
+#include <algorithm>
+#include <tuple>
+
+namespace maplet {
+
+namespace {
+
+/// A pixel's explainable residual counts up to this many variances: a depth step of a metre is not
+/// more worth splitting than one of ten sigmas.
+constexpr double kGainCapVariances = 100.0;
+/// Parameters of a plane.
+constexpr double kPlaneDof = 3.0;
+
+}  // namespace
+
+Quadtree::Quadtree(const PatchConfig& config, Arena& arena)
+    : config_{config},
+      leaves_{arena.make_array<Leaf>(kMaxPatches, "patches/leaves")},
+      leaf_of_cell_{arena.make_array<std::int16_t>(kMaxFrameCells, "patches/leaf of cell")},
+      heap_{arena.make_array<Candidate>(kMaxFrameCells * 4 / 3 + 1, "patches/open nodes")} {}
+
+bool Quadtree::Candidate::operator<(const Candidate& o) const noexcept {
+  return std::tie(gain, level, o.j, o.i) < std::tie(o.gain, o.level, j, i);
+}
+
+Stop Quadtree::run(const Pyramid& pyramid, const CameraModel& camera, double correlated_px,
+                   Deadline deadline) noexcept {
+  pyramid_ = &pyramid;
+  pixel_frame_ = PixelFrame{camera};
+  correlated_px_ = correlated_px;
+  leaf_count_ = heap_size_ = 0;
+  width_ = pyramid.width(0);
+  height_ = pyramid.height(0);
+  std::fill_n(leaf_of_cell_.begin(), width_ * height_, std::int16_t{-1});
+  const auto limit = static_cast<std::size_t>(config_.max_patches);
+
+  const int top = pyramid.levels() - 1;
+  for (int j = 0; j < pyramid.height(top); ++j) {
+    for (int i = 0; i < pyramid.width(top); ++i) {
+      if (leaf_count_ >= limit) return Stop::kIterationLimit;
+      consider(top, i, j);
+    }
+  }
+  while (heap_size_ > 0) {
+    if (deadline.expired()) return Stop::kDeadline;
+    std::pop_heap(heap_.begin(), heap_.begin() + static_cast<std::ptrdiff_t>(heap_size_));
+    const Candidate node = heap_[--heap_size_];
+    for (int k = 0; k < 4; ++k) {
+      if (leaf_count_ >= limit) return Stop::kIterationLimit;
+      consider(node.level - 1, 2 * node.i + k % 2, 2 * node.j + k / 2);
+    }
+  }
+  return Stop::kConverged;
+}
+
+void Quadtree::consider(int level, int i, int j) noexcept {
+  float gain = 0.0F;
+  switch (judge(level, i, j, gain)) {
+    case Verdict::kFlat:
+      add_leaf(level, i, j);
+      break;
+    case Verdict::kSplit:
+      heap_[heap_size_++] = {gain, static_cast<std::uint16_t>(i), static_cast<std::uint16_t>(j),
+                             static_cast<std::uint8_t>(level)};
+      std::push_heap(heap_.begin(), heap_.begin() + static_cast<std::ptrdiff_t>(heap_size_));
+      break;
+    case Verdict::kDrop:
+      break;
+  }
+}
+
+Quadtree::Verdict Quadtree::judge(int level, int i, int j, float& gain) const noexcept {
+  const PyramidNode& node = pyramid_->at(level, i, j);
+  if (node.cells == 0) return Verdict::kDrop;
+  const Verdict otherwise = level > 0 ? Verdict::kSplit : Verdict::kDrop;
+  const double variance = pyramid_->sigma_steps() * pyramid_->sigma_steps();
+  const Fit f = fit(node.moments);
+  // Eq. 8: what the cells' own planes explain of this node's residual, in variances.
+  const double explained = std::max(0.0, f.rss - node.cells_rss) / variance;
+  gain = static_cast<float>(std::min(explained, kGainCapVariances * node.moments.n));
+  if (!f.ok || node.pixels < config_.min_valid_fraction * pyramid_->area_px(level, i, j)) {
+    return otherwise;
+  }
+  const double limit = config_.max_rms_sigmas * config_.max_rms_sigmas;
+  if (f.rss > limit * variance * node.moments.n) return otherwise;
+  // Eq. 9: noise gives every cell's own plane three parameters' worth of residual.
+  const double noise = correlated_px_ * kPlaneDof * (node.cells - 1);
+  const double bias = config_.split_bias_sigmas * config_.split_bias_sigmas * node.moments.n;
+  if (level > 0 && explained > 1.5 * noise + bias) return Verdict::kSplit;
+  return seen_steeply(f) ? otherwise : Verdict::kFlat;
+}
+
+bool Quadtree::seen_steeply(const Fit& f) const noexcept {
+  // cos = n . m / |m| with n = theta / |theta| and theta . m = w (eq. 10); w <= 0 is no surface.
+  const Eigen::Vector3d theta = pixel_frame_.theta(f);
+  const Eigen::Vector2d ray = pixel_frame_.ray(f.u0, f.v0);
+  const double w = f.w0 / kInverseDepthSteps;
+  const double limit = config_.min_incidence_cos * config_.min_incidence_cos;
+  return !(w > 0.0) || w * w < limit * theta.squaredNorm() * (ray.squaredNorm() + 1.0);
+}
+
+void Quadtree::add_leaf(int level, int i, int j) noexcept {
+  const auto index = static_cast<std::int16_t>(leaf_count_);
+  leaves_[leaf_count_++] = {static_cast<std::uint16_t>(i), static_cast<std::uint16_t>(j),
+                            static_cast<std::uint8_t>(level)};
+  const int edge = 1 << level;
+  for (int y = j * edge; y < (j + 1) * edge; ++y) {
+    std::fill_n(leaf_of_cell_.begin() + y * width_ + i * edge, edge, index);
+  }
+}
+
+}  // namespace maplet
