@@ -42,11 +42,12 @@ struct Span {
   int end;
 };
 
-void fill(const Span& span, float at_row, float step, std::int32_t index) noexcept {
+/// Counts from the span's begin: there a grazing plane's terms have cancelled already, in double.
+void fill(const Span& span, float at_begin, float step, std::int32_t index) noexcept {
   float* __restrict inverse = span.inverse;
   std::int32_t* __restrict surface = span.surface;
   for (int u = span.begin; u < span.end; ++u) {
-    const float w = at_row + step * static_cast<float>(u);
+    const float w = at_begin + step * static_cast<float>(u - span.begin);
     const bool nearer = w > inverse[u];
     inverse[u] = nearer ? w : inverse[u];
     surface[u] = nearer ? index : surface[u];
@@ -133,9 +134,10 @@ void Raster::draw_surface(std::int32_t index, const Se3& T_camera_world) noexcep
     }
     if (left > right) continue;
     const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(v) * camera_.width_px;
-    fill({inverse_.data() + row, surface_.data() + row, static_cast<int>(std::ceil(left)),
-          static_cast<int>(std::floor(right)) + 1},
-         static_cast<float>(at_zero + per_v * v), static_cast<float>(per_u), index);
+    const int begin = static_cast<int>(std::ceil(left));
+    const int end = static_cast<int>(std::floor(right)) + 1;
+    fill({inverse_.data() + row, surface_.data() + row, begin, end},
+         static_cast<float>(at_zero + per_v * v + per_u * begin), static_cast<float>(per_u), index);
   }
 }
 

@@ -2,6 +2,7 @@
 #include "drivers/sim/texture.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 #include "drivers/sim/random.hpp"
@@ -14,59 +15,129 @@ constexpr float kCoarse = 1.0F / 4.7F;  // the second layer's scale
 constexpr double kContrast = 70.0;      // gray levels of a tile's full swing
 constexpr double kPixelNoise = 1.5;     // gray levels
 
-/// Smooth noise of a lattice with `cells` a side that repeats, in [-1, 1].
-double lattice(std::uint64_t seed, double x, double y, int cells_x, int cells_y) {
-  const int ix = static_cast<int>(std::floor(x));
-  const int iy = static_cast<int>(std::floor(y));
-  const auto value = [&](int i, int j) {
-    const auto at = static_cast<std::uint64_t>((j % cells_y) * 65536 + i % cells_x);
-    return static_cast<double>(mix(seed, at) >> 40) * 0x1p-23 - 1.0;
-  };
-  const auto ease = [](double t) { return t * t * (3 - 2 * t); };
-  const double fx = ease(x - ix);
-  const double fy = ease(y - iy);
-  return (1 - fy) * ((1 - fx) * value(ix, iy) + fx * value(ix + 1, iy)) +
-         fy * ((1 - fx) * value(ix, iy + 1) + fx * value(ix + 1, iy + 1));
+/// Floor of the binary logarithm of x > 0.
+int exponent(float x) noexcept {
+  return static_cast<int>(std::bit_cast<std::uint32_t>(x) >> 23) - 127;
 }
 
-/// Octaves of lattice noise from `first` cells a tile; `stretch` makes it grain.
-double octaves(std::uint64_t seed, double x, double y, int first, int count, int stretch) {
-  double sum = 0.0;
-  double weight = 0.5;
-  int cells = first;
-  for (int i = 0; i < count; ++i, cells *= 2, weight *= 0.6) {
-    sum += weight * lattice(seed + static_cast<std::uint64_t>(i), x * cells, y * cells * stretch,
-                            cells, cells * stretch);
+/// Smooth noise that repeats: random values at the corners of cells_x x cells_y cells a tile, in
+/// [-1, 1], eased between.
+class Lattice {
+ public:
+  Lattice(std::uint64_t seed, int cells_x, int cells_y)
+      : cells_x_{cells_x}, values_(static_cast<std::size_t>((cells_x + 1) * (cells_y + 1))) {
+    for (int j = 0; j <= cells_y; ++j) {
+      for (int i = 0; i <= cells_x; ++i) {
+        const int corner = (j % cells_y) * cells_x + i % cells_x;
+        values_[static_cast<std::size_t>(j * (cells_x + 1) + i)] =
+            static_cast<float>(mix(seed, static_cast<std::uint64_t>(corner)) >> 40) * 0x1p-23F - 1;
+      }
+    }
+    cells_y_ = cells_y;
   }
-  return sum;
+  /// @param x, y  in [0, 1) of the tile
+  [[nodiscard]] float at(float x, float y) const noexcept {
+    const float cx = x * static_cast<float>(cells_x_);
+    const float cy = y * static_cast<float>(cells_y_);
+    const int ix = static_cast<int>(cx);
+    const int iy = static_cast<int>(cy);
+    const auto ease = [](float t) { return t * t * (3 - 2 * t); };
+    const float fx = ease(cx - static_cast<float>(ix));
+    const float fy = ease(cy - static_cast<float>(iy));
+    const float* low = values_.data() + iy * (cells_x_ + 1) + ix;
+    const float* high = low + cells_x_ + 1;
+    return (1 - fy) * ((1 - fx) * low[0] + fx * low[1]) + fy * ((1 - fx) * high[0] + fx * high[1]);
+  }
+
+ private:
+  int cells_x_;
+  int cells_y_ = 0;
+  std::vector<float> values_;
+};
+
+/// Octaves of noise, the first of `first` cells a tile; `stretch` draws it out to grain.
+class Octaves {
+ public:
+  Octaves(std::uint64_t seed, int first, int count, int stretch) {
+    for (int i = 0; i < count; ++i, first *= 2) {
+      layers_.emplace_back(seed + static_cast<std::uint64_t>(i), first, first * stretch);
+    }
+  }
+  [[nodiscard]] float at(float x, float y) const noexcept {
+    float sum = 0.0F;
+    float weight = 0.5F;
+    for (const Lattice& layer : layers_) {
+      sum += weight * layer.at(x, y);
+      weight *= 0.6F;
+    }
+    return sum;
+  }
+
+ private:
+  std::vector<Lattice> layers_;
+};
+
+/// Calls paint(x, y) for each texel, x and y in [0, 1).
+template <class Paint>
+void fill(std::vector<float>& texels, int side, float scale, Paint paint) {
+  texels.resize(static_cast<std::size_t>(side * side));
+  std::size_t i = 0;
+  for (int y = 0; y < side; ++y) {
+    for (int x = 0; x < side; ++x) {
+      texels[i++] = scale * paint(static_cast<float>(x) / static_cast<float>(side),
+                                  static_cast<float>(y) / static_cast<float>(side));
+    }
+  }
 }
 
-double pattern(Material material, std::uint64_t seed, double x, double y) {
+void fill_floor_tiles(std::vector<float>& texels, int side, float scale, std::uint64_t seed) {
+  const Octaves cloud{seed, 16, 4, 1};
+  constexpr int kTiles = 5;
+  fill(texels, side, scale, [&](float x, float y) {
+    const float tx = x * kTiles;
+    const float ty = y * kTiles;
+    const auto cell =
+        static_cast<std::uint64_t>(static_cast<int>(ty) * kTiles + static_cast<int>(tx));
+    const float tone = static_cast<float>(mix(seed, cell) >> 40) * 0x1p-23F - 1;
+    const bool grout = std::abs(tx - std::floor(tx) - 0.5F) > 0.485F ||
+                       std::abs(ty - std::floor(ty) - 0.5F) > 0.485F;
+    return (grout ? -0.6F : 0.0F) + 0.15F * tone + 0.35F * cloud.at(x, y);
+  });
+}
+
+void fill_texels(Material material, std::vector<float>& texels, int side, float scale,
+                 std::uint64_t seed) {
   switch (material) {
-    case Material::kPlaster:
-      return 0.35 * octaves(seed, x, y, 4, 6, 1);
+    case Material::kPlaster: {
+      const Octaves cloud{seed, 4, 6, 1};
+      return fill(texels, side, scale, [&](float x, float y) { return 0.35F * cloud.at(x, y); });
+    }
     case Material::kWallpaper: {
-      const double print = lattice(seed ^ 0x9a9e, x * 24, y * 24, 24, 24);
-      return 0.3 * octaves(seed, x, y, 4, 5, 1) + (print > 0.35 ? 0.35 : 0.0) -
-             (print < -0.5 ? 0.3 : 0.0);
+      const Octaves cloud{seed, 4, 5, 1};
+      const Lattice print{seed ^ 0x9a9e, 24, 24};
+      return fill(texels, side, scale, [&](float x, float y) {
+        const float at = print.at(x, y);
+        return 0.3F * cloud.at(x, y) + (at > 0.35F ? 0.35F : at < -0.5F ? -0.3F : 0.0F);
+      });
     }
-    case Material::kCarpet:
-      return 0.9 * octaves(seed, x, y, 8, 6, 1);
-    case Material::kTiles: {
-      const double edge_x = std::abs(x * 5 - std::floor(x * 5) - 0.5);
-      const double edge_y = std::abs(y * 5 - std::floor(y * 5) - 0.5);
-      const auto cell = static_cast<std::uint64_t>(std::floor(y * 5) * 5 + std::floor(x * 5));
-      const double tone = static_cast<double>(mix(seed, cell) >> 40) * 0x1p-23 - 1.0;
-      const double grout = edge_x > 0.485 || edge_y > 0.485 ? -0.6 : 0.0;
-      return grout + 0.15 * tone + 0.35 * octaves(seed, x, y, 16, 4, 1);
+    case Material::kCarpet: {
+      const Octaves cloud{seed, 8, 6, 1};
+      return fill(texels, side, scale, [&](float x, float y) { return 0.9F * cloud.at(x, y); });
     }
-    case Material::kWood:
-      return 0.7 * octaves(seed, x, y, 2, 5, 6);
-    case Material::kCardboard:
-      return 0.5 * octaves(seed, x, y, 6, 5, 1) +
-             (lattice(seed ^ 0xca2d, x * 12, y * 12, 12, 12) > 0.55 ? -0.45 : 0.0);
+    case Material::kTiles:
+      return fill_floor_tiles(texels, side, scale, seed);
+    case Material::kWood: {
+      const Octaves grain{seed, 2, 5, 6};
+      return fill(texels, side, scale, [&](float x, float y) { return 0.7F * grain.at(x, y); });
+    }
+    case Material::kCardboard: {
+      const Octaves cloud{seed, 6, 5, 1};
+      const Lattice print{seed ^ 0xca2d, 12, 12};
+      return fill(texels, side, scale, [&](float x, float y) {
+        return 0.5F * cloud.at(x, y) + (print.at(x, y) > 0.55F ? -0.45F : 0.0F);
+      });
+    }
   }
-  return 0.0;
 }
 
 }  // namespace
@@ -94,16 +165,8 @@ Painter::Painter(const World& world, const CameraModel& camera, const SimOptions
 }
 
 void Painter::make_tile(Material material, std::uint64_t seed, Tile& tile) {
-  auto& top = tile.levels[0];
-  top.resize(std::size_t{kTilePx} * kTilePx);
-  for (int y = 0; y < kTilePx; ++y) {
-    for (int x = 0; x < kTilePx; ++x) {
-      top[static_cast<std::size_t>(y * kTilePx + x)] =
-          static_cast<float>(kContrast * options_.texture *
-                             pattern(material, seed, static_cast<double>(x) / kTilePx,
-                                     static_cast<double>(y) / kTilePx));
-    }
-  }
+  fill_texels(material, tile.levels[0], kTilePx, static_cast<float>(kContrast * options_.texture),
+              seed);
   for (int level = 1; level < kLevels; ++level) {
     const int side = kTilePx >> level;
     const auto& fine = tile.levels[static_cast<std::size_t>(level) - 1];
@@ -161,7 +224,7 @@ void Painter::paint_run(std::int32_t surface, const Se3& T_world_camera, int v, 
     const float x = (x0 + dx * static_cast<float>(u)) * z + ox;
     const float y = (y0 + dy * static_cast<float>(u)) * z + oy;
     // The level whose texel is about a pixel wide, and the coarse layer's.
-    const int level = std::clamp(std::ilogb(std::max(1.0F, z * texels_m * 1.4F)), 0, kLevels - 1);
+    const int level = std::clamp(exponent(z * texels_m * 1.4F), 0, kLevels - 1);
     out[u] = coat.shade + 0.6F * sample(*coat.tile, level, x, y) +
              0.7F * sample(*coat.tile, std::max(0, level - 2), y * kCoarse + 3.0F, x * kCoarse);
   }

@@ -55,8 +55,10 @@ Trajectory::Trajectory(const Route& route, const SimOptions& options) : route_{r
   const double up_and_down = waves_[0].amplitude * waves_[0].rate_rad_per_s;
   const double sideways = waves_[1].amplitude * waves_[1].rate_rad_per_s;
   const double nodding = waves_[2].amplitude * waves_[2].rate_rad_per_s;
-  const double v = options.speed_m_per_s - sideways;
-  make_times(std::sqrt(v * v - up_and_down * up_and_down), options.yaw_rate_rad_per_s - nodding);
+  // The last half percent is for what the waves do to each other.
+  const double v = 0.995 * options.speed_m_per_s - sideways;
+  make_times(std::sqrt(v * v - up_and_down * up_and_down),
+             0.995 * options.yaw_rate_rad_per_s - nodding);
   Random random{static_cast<std::uint64_t>(options.seed),
                 0x57a7 + static_cast<std::uint64_t>(options.agent)};
   const double phase = random.uniform(0.0, 1.0);
