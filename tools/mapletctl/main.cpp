@@ -10,6 +10,7 @@ int main(int argc, char** argv) {
   app.require_subcommand(1);
   add_eval(app);
   add_simulate(app);
+  add_solve(app);
   add_version(app);
   try {
     app.parse(argc, argv);

@@ -1,0 +1,109 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "core/base/arena.hpp"
+#include "core/base/deadline.hpp"
+#include "core/skeleton/elimination.hpp"
+#include "core/skeleton/graph.hpp"
+
+namespace maplet {
+
+struct PoseGraphLimits {
+  int max_nodes = 0;
+  int max_factors = 0;
+  int max_blocks = 0;  ///< of the Cholesky factor, the old and the new one together
+};
+
+/// How far the estimate came.
+struct SolveReport {
+  Stop stop = Stop::kConverged;
+  int iterations = 0;
+  double chi2 = 0.0;  ///< sum of weight * e^T information e, as last evaluated
+};
+
+/// Nodes, factors and the incremental solver: the skeleton's engine, one Space at a time.
+///
+/// The poses held are always the estimate itself, never a linearisation point with a correction
+/// beside it. Each step solves with the exact gradient and a factor whose Hessian may be stale: a
+/// stale one costs convergence, not accuracy, and goes stale only where *relative* poses changed.
+///
+/// Memory   fixed by PoseGraphLimits, from the arena.
+/// Time     adding O(1); update until its deadline, the rest is carried over to the next call.
+/// Math     docs/math/skeleton.md.
+template <class Space>
+class PoseGraph {
+ public:
+  static constexpr int kNone = -1;
+  using Pose = typename Space::Pose;
+  using Tangent = typename Space::Tangent;
+  using Block = typename Space::Block;
+
+  PoseGraph(const PoseGraphLimits& limits, Arena& arena);
+
+  /// A node on its own: a new group, of which it is the gauge. @pre !graph().nodes_full()
+  int add_node(const Pose& pose, Seniority seniority) noexcept;
+  /// The measurement T_a_b = z. Groups that it joins become one: the junior one moves to fit. The
+  /// most senior node of a group is its gauge, at the identity once it has measurements.
+  /// @param information  positive definite  @pre !graph().factors_full()
+  int add_between(int a, int b, const Pose& z, const Block& information) noexcept;
+  /// Scales a factor's information from now on; 0 switches it off.
+  void set_weight(int factor, double weight) noexcept;
+
+  /// Anytime: eliminates what changed, then steps until nothing gains any more.
+  SolveReport update(Deadline deadline, int max_iterations = 100) noexcept;
+  /// From scratch: Levenberg-Marquardt with everything linearised anew at each step.
+  SolveReport optimise(Deadline deadline, int max_iterations = 100) noexcept;
+
+  [[nodiscard]] const Graph<Space>& graph() const noexcept { return graph_; }
+  [[nodiscard]] Graph<Space>& graph() noexcept { return graph_; }
+  [[nodiscard]] const Elimination<Space>& elimination() const noexcept { return elimination_; }
+  [[nodiscard]] int group(int node) const noexcept { return graph_.node(node).group; }
+  /// Sum of weight * e^T information e at the present estimate, evaluated afresh.
+  [[nodiscard]] double chi2() noexcept { return evaluate(); }
+  /// Jobs that did not fit in the pool of blocks.
+  [[nodiscard]] std::uint64_t overflows() const noexcept { return overflows_; }
+
+ private:
+  enum class StepResult : std::uint8_t { kMoved, kConverged, kStuck };
+
+  void mark_dirty(int factor) noexcept;
+  void join_groups(int a, int b, const Pose& z) noexcept;
+  void move_group(int gauge, int new_gauge, const Pose& by) noexcept;
+  void appoint_gauge(int node) noexcept;
+  void start_job() noexcept;
+  void finish_job() noexcept;
+  double evaluate() noexcept;
+  void sequence_nodes() noexcept;
+  double solve() noexcept;
+  void move(double scale) noexcept;
+  void restore() noexcept;
+  StepResult step() noexcept;
+  int relinearise_stale(double threshold) noexcept;
+
+  Graph<Space> graph_;
+  Elimination<Space> elimination_;
+  std::span<Tangent> gradient_;
+  std::span<Tangent> delta_;
+  std::span<int> sequence_;  ///< all eliminated nodes, parents before children
+  std::span<int> dirty_;     ///< factors that wait for elimination
+  std::span<int> job_;       ///< factors of the job under way
+  int sequence_count_ = 0;
+  int dirty_count_ = 0;
+  int job_count_ = 0;
+  int newest_ = kNone;
+  bool sequence_stale_ = true;
+  bool unsettled_ = false;
+  double chi2_ = 0.0;
+  double best_chi2_ = -1.0;  ///< before the last step, or < 0
+  double predicted_ = 0.0;   ///< what the last step should have gained
+  double scale_ = 1.0;       ///< of the step; below 1 after one that made things worse
+  std::uint64_t overflows_ = 0;
+};
+
+extern template class PoseGraph<PlanarSpace>;
+extern template class PoseGraph<SpatialSpace>;
+
+}  // namespace maplet
