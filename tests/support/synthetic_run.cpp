@@ -45,7 +45,7 @@ void add_box(std::vector<Panel>& panels, double x0, double z0, double x1, double
 }
 
 Se3 tilt(double rad) {
-  return {Eigen::Quaterniond{Eigen::AngleAxisd{rad, Vector3d::UnitX()}}, Vector3d::Zero()};
+  return {Eigen::Quaterniond{Eigen::AngleAxisd{-rad, Vector3d::UnitX()}}, Vector3d::Zero()};
 }
 
 /// Where the ray from `eye` to `p` meets the panel before p, if it does.
