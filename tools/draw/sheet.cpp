@@ -58,11 +58,13 @@ struct Layout {
 }
 
 [[nodiscard]] std::string grouped(double number) {
-  std::string digits = fmt::format("{:.0f}", number);
-  for (std::ptrdiff_t at = std::ssize(digits) - 3; at > 0; at -= 3) {
-    digits.insert(static_cast<std::size_t>(at), ",");
+  const std::string digits = fmt::format("{:.0f}", number);
+  std::string out;
+  for (std::size_t i = 0; i < digits.size(); ++i) {
+    if (i > 0 && (digits.size() - i) % 3 == 0) out += ',';
+    out += digits[i];
   }
-  return digits;
+  return out;
 }
 
 [[nodiscard]] std::string counted(std::size_t count, const char* one, const char* many) {
@@ -112,7 +114,8 @@ struct Entry {
   if (!plan.tops.empty()) out.push_back(area_entry("table, shelf", kTops, kTopsEdge));
   for (std::size_t i = 0; i < plan.agents.size(); ++i) {
     if (plan.agents[i].trajectory.empty()) continue;
-    const std::string words = plan.agents.size() == 1 ? "path" : "path of " + plan.agents[i].name;
+    const std::string words =
+        plan.agents.size() == 1 ? "path" : fmt::format("path of {}", plan.agents[i].name);
     out.push_back(line_entry(words, {widths.path_px, agent_colour(i)}));
   }
   if (any([](const AgentPlan& a) { return !a.odometry.empty(); })) {
@@ -182,15 +185,15 @@ double scale_bar_m(double longest_m) {
 std::string figures(const PlanCounts& counts) {
   std::string out = counted(counts.frames, "frame", "frames");
   if (counts.path_m > 0.0) out += fmt::format("   ·   {:.1f} m", counts.path_m);
-  out += "   ·   " + counted(counts.maplets, "maplet", "maplets");
-  if (counts.maplet_bytes) out += " in " + bytes_text(*counts.maplet_bytes);
+  out += fmt::format("   ·   {}", counted(counts.maplets, "maplet", "maplets"));
+  if (counts.maplet_bytes) out += fmt::format(" in {}", bytes_text(*counts.maplet_bytes));
   if (counts.maplet_bytes && counts.point_cloud_bytes && *counts.maplet_bytes > 0.0) {
     out += fmt::format(", {} times less than the {} of points they stand for",
                        grouped(*counts.point_cloud_bytes / *counts.maplet_bytes),
                        bytes_text(*counts.point_cloud_bytes));
   }
   if (counts.closures > 0) {
-    out += "   ·   " + counted(counts.closures, "loop closure", "loop closures");
+    out += fmt::format("   ·   {}", counted(counts.closures, "loop closure", "loop closures"));
   }
   return out;
 }
