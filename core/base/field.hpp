@@ -16,7 +16,7 @@ using Vector3OrAuto = std::optional<std::array<double, 3>>;
 
 /// One configuration key of a stage: its place in the TOML file, its member, its range, its help.
 ///
-/// A stage declares `static constexpr Field<Config> kFields[]` beside its Config. The table feeds
+/// A stage declares `static constexpr Field<Config> kFields[]` in its Config. The table feeds
 /// the parser, the range check (NaN fails), --check-config, --print-config and the manual.
 /// A Duration member is written in the unit that the key ends in (_ns, _us, _ms, _s); min and max
 /// are in that unit. Of a vector they bound each number; bool and string members ignore them.

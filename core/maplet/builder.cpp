@@ -116,7 +116,8 @@ void MapletBuilder::link_to(const Se3& T_odom_origin, const Matrix6d& covariance
 }
 
 void MapletBuilder::take(const Keyframe& keyframe, Deadline deadline) noexcept {
-  Member member{keyframe.stamp, keyframe.T_odom_camera.se3, Matrix6d::Zero()};
+  Member member{keyframe.stamp, keyframe.T_odom_camera.se3, Matrix6d::Zero(),
+                keyframe.patches.valid_pixels};
   if (!members_.empty()) {
     const Member& last = members_.back();
     const Se3 T_last_this = last.T_odom_camera.inverse() * member.T_odom_camera;
@@ -163,6 +164,7 @@ const MapletCut* MapletBuilder::cut(CutReason reason) noexcept {
   cut_->bytes = bytes_.first(*size);
   cut_->link = link_;
   cut_->reason = reason;
+  cut_->origin_valid_pixels = members_.front().valid_pixels;
   ++key_.id;
   return cut_.get();
 }

@@ -30,6 +30,7 @@ struct MapletCut {
   std::span<const std::byte> bytes;  ///< its wire form, at most maplet.max_bytes
   PathLink link;
   CutReason reason = CutReason::kNone;
+  std::uint32_t origin_valid_pixels = 0;  ///< of the frame at the origin: the points it replaces
 };
 
 /// Fuses keyframes into maplets and decides where one ends and the next begins.
@@ -63,6 +64,7 @@ class MapletBuilder {
     Stamp stamp{};
     Se3 T_odom_camera;
     Matrix6d covariance = Matrix6d::Zero();  // of T_origin_this, tangent of this
+    std::uint32_t valid_pixels = 0;
   };
 
   void take(const Keyframe& keyframe, Deadline deadline) noexcept;

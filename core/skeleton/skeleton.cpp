@@ -74,6 +74,16 @@ bool Skeleton::known(const DeltaPose& delta, int a, int b) const noexcept {
   return found;
 }
 
+Added Skeleton::add(const MapletKey& key) noexcept {
+  if (find(key) >= 0) return Added::kDuplicate;
+  if (solver_.graph().nodes_full()) {
+    ++counters_.nodes_full;
+    return Added::kNodesFull;
+  }
+  insert(key, Se3{});
+  return Added::kLinked;
+}
+
 Added Skeleton::add(const DeltaPose& delta, Deadline deadline) noexcept {
   Matrix6d information;
   if (delta.a == delta.b || !SpatialSpace::finite(delta.T_a_b.se3) ||
@@ -126,7 +136,14 @@ Skeleton::NodeView Skeleton::node(int index) const noexcept {
 
 Skeleton::FactorView Skeleton::factor(int index) const noexcept {
   const Factor<SpatialSpace>& f = solver_.graph().factor(index);
-  return {provenance_[index].kind, keys_[f.a], keys_[f.b], f.z, f.e, f.chi2, f.weight};
+  return {provenance_[index].kind,
+          keys_[f.a],
+          keys_[f.b],
+          f.z,
+          unpack<SpatialSpace>(f.information),
+          f.e,
+          f.chi2,
+          f.weight};
 }
 
 SkeletonCounters Skeleton::counters() const noexcept {

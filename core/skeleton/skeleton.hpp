@@ -54,6 +54,9 @@ class Skeleton {
  public:
   Skeleton(const SkeletonConfig& config, Arena& arena);
 
+  /// Takes a maplet in that nothing is known about yet: a group of its own.
+  /// @return kLinked, kDuplicate when it is there already, kNodesFull
+  Added add(const MapletKey& key) noexcept;
   /// Takes a delta-pose in, then works on the estimate until the deadline, as update() does.
   Added add(const DeltaPose& delta, Deadline deadline) noexcept;
   /// Works on whatever is left; kConverged when nothing is.
@@ -82,10 +85,11 @@ class Skeleton {
     DeltaPose::Kind kind;
     MapletKey a;
     MapletKey b;
-    Se3 T_a_b;          ///< as measured
-    Vector6d residual;  ///< log(T_a_b^-1 T_a_b(estimate)), tangent of b
-    double chi2;        ///< residual^T information residual, as last evaluated
-    double weight;      ///< robust weight, 0 = rejected .. 1
+    Se3 T_a_b;             ///< as measured
+    Matrix6d information;  ///< of log(T_a_b^-1 T), tangent of b
+    Vector6d residual;     ///< log(T_a_b^-1 T_a_b(estimate)), tangent of b
+    double chi2;           ///< residual^T information residual, as last evaluated
+    double weight;         ///< robust weight, 0 = rejected .. 1
   };
   [[nodiscard]] int factor_count() const noexcept { return factor_count_; }
   [[nodiscard]] FactorView factor(int index) const noexcept;

@@ -7,6 +7,7 @@
 #include <string_view>
 
 #include "core/base/clock.hpp"
+#include "core/ports/stage_meter.hpp"
 
 namespace maplet {
 
@@ -19,10 +20,6 @@ struct StageTime {
 
   friend bool operator==(const StageTime&, const StageTime&) = default;
 };
-
-/// The stages in the order of StatusRecord::stages.
-inline constexpr std::array<std::string_view, 8> kStageNames = {
-    "source", "patches", "odometry", "maplet", "registration", "skeleton", "exchange", "frame"};
 
 /// How an agent is: published about once a second.
 struct StatusRecord {
@@ -54,7 +51,7 @@ struct StatusRecord {
   std::uint32_t messages_dropped = 0;  ///< the publisher's queues were full
   std::uint64_t arena_bytes = 0;
   std::uint64_t rss_bytes = 0;
-  std::array<StageTime, kStageNames.size()> stages{};
+  std::array<StageTime, kStages> stages{};  ///< by Stage
 
   friend bool operator==(const StatusRecord&, const StatusRecord&) = default;
 };

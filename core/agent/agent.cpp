@@ -1,0 +1,72 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#include "core/agent/agent.hpp"
+
+namespace maplet {
+
+namespace {
+
+Duration share_of(const FrameConfig& frame, double share) noexcept {
+  return Duration{static_cast<Duration::rep>(static_cast<double>(frame.budget.count()) * share)};
+}
+
+}  // namespace
+
+Agent::Agent(const AgentConfig& config, AgentIdentity identity, StageMeter& meter,
+             RecordSink& records, Arena& arena)
+    : budget_{share_of(config.frame, config.frame.patches_share),
+              share_of(config.frame, config.frame.odometry_share),
+              share_of(config.frame, config.frame.maplet_share),
+              share_of(config.frame, config.frame.registration_share),
+              share_of(config.frame, config.frame.skeleton_share)},
+      meter_{meter},
+      records_{records},
+      decimator_{config.decimator, arena},
+      extractor_{config.patches, arena},
+      tracker_{config.odometry, arena},
+      builder_{config.maplet, arena},
+      registrar_{config.registration, arena},
+      skeleton_{config.skeleton, arena},
+      store_{static_cast<std::size_t>(config.limits.own_maplets),
+             static_cast<std::size_t>(config.maplet.max_bytes), arena},
+      previous_{arena.make<Maplet>("agent/previous maplet")} {
+  builder_.identify(identity.agent, identity.epoch, 0);
+}
+
+Step Agent::step(const DepthFrame& full_frame, Deadline deadline) noexcept {
+  Step step;
+  const DepthFrame frame = decimator_.run(full_frame);
+  step.patches = timed(Stage::kPatches, budget_.patches, deadline,
+                       [&](Deadline until) { return &extractor_.run(frame, until); });
+  step.track = timed(Stage::kOdometry, budget_.odometry, deadline,
+                     [&](Deadline until) { return tracker_.run(frame, *step.patches, until); });
+  if (!step.track.keyframe_due) return step;
+
+  step.keyframe = &tracker_.make_keyframe(frame, *step.patches, step.track);
+  step.closed = timed(Stage::kMaplet, budget_.maplet, deadline,
+                      [&](Deadline until) { return builder_.add(*step.keyframe, until); });
+  if (step.closed != nullptr) take(*step.closed, deadline);
+  return step;
+}
+
+const MapletCut* Agent::finish(Deadline deadline) noexcept {
+  const MapletCut* closed = builder_.finish();
+  if (closed != nullptr) take(*closed, deadline);
+  return closed;
+}
+
+void Agent::take(const MapletCut& closed, Deadline deadline) noexcept {
+  store_.put(closed.maplet.key.id, closed.bytes);
+  skeleton_.add(closed.maplet.key);
+  if (closed.link.valid) {
+    const DeltaPose link =
+        timed(Stage::kRegistration, budget_.registration, deadline, [&](Deadline until) {
+          return registrar_.link(*previous_, closed.maplet, closed.link, until);
+        });
+    const DeltaPose record = records_.put(link);
+    timed(Stage::kSkeleton, budget_.skeleton, deadline,
+          [&](Deadline until) { return skeleton_.add(record, until); });
+  }
+  *previous_ = closed.maplet;
+}
+
+}  // namespace maplet

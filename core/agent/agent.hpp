@@ -1,0 +1,82 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+
+#include "core/agent/agent_config.hpp"
+#include "core/agent/maplet_store.hpp"
+#include "core/base/arena.hpp"
+#include "core/frame/decimator.hpp"
+#include "core/maplet/builder.hpp"
+#include "core/odometry/tracker.hpp"
+#include "core/patches/extractor.hpp"
+#include "core/ports/record_sink.hpp"
+#include "core/ports/stage_meter.hpp"
+#include "core/registration/registrar.hpp"
+#include "core/skeleton/skeleton.hpp"
+
+namespace maplet {
+
+/// Who this agent is, in this life.
+struct AgentIdentity {
+  std::uint16_t agent = 0;
+  std::uint32_t epoch = 0;
+};
+
+/// What one frame led to. Loans last until the next step.
+struct Step {
+  Track track;
+  const PatchSet* patches = nullptr;
+  const Keyframe* keyframe = nullptr;  ///< what this frame became
+  const MapletCut* closed = nullptr;   ///< the maplet that ended before it
+};
+
+/// The whole path for one agent: depth frame in; track, maplets, delta-poses and skeleton out.
+///
+/// Delta-poses go to the RecordSink, and into the skeleton as it gives them back.
+///
+/// Memory   everything from the arena, at construction; nothing later.
+/// Time     within the deadline by one small step of the stage that it hits.
+/// Threads  one caller.
+class Agent {
+ public:
+  Agent(const AgentConfig& config, AgentIdentity identity, StageMeter& meter, RecordSink& records,
+        Arena& arena);
+
+  /// Takes a frame through every stage it is due for.
+  [[nodiscard]] Step step(const DepthFrame& frame, Deadline deadline) noexcept;
+
+  /// Closes the maplet that is being built: the recording is over.
+  /// @return it, or nullptr when there is nothing new
+  const MapletCut* finish(Deadline deadline) noexcept;
+
+  [[nodiscard]] const Skeleton& skeleton() const noexcept { return skeleton_; }
+  [[nodiscard]] const MapletStore& maplets() const noexcept { return store_; }
+
+ private:
+  struct Budget {
+    Duration patches, odometry, maplet, registration, skeleton;
+  };
+
+  /// Runs a stage under its share of what is left, and measures it.
+  template <class Run>
+  auto timed(Stage stage, Duration budget, Deadline deadline, Run&& run) noexcept {
+    const StageScope scope{meter_, stage, budget};
+    return run(deadline.within(budget));
+  }
+  void take(const MapletCut& closed, Deadline deadline) noexcept;
+
+  Budget budget_;
+  StageMeter& meter_;
+  RecordSink& records_;
+  Decimator decimator_;
+  PatchExtractor extractor_;
+  Tracker tracker_;
+  MapletBuilder builder_;
+  Registrar registrar_;
+  Skeleton skeleton_;
+  MapletStore store_;
+  Arena::Owned<Maplet> previous_;  ///< the maplet before the newest
+};
+
+}  // namespace maplet

@@ -1,0 +1,57 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "core/base/field.hpp"
+#include "core/frame/decimator.hpp"
+#include "core/limits.hpp"
+#include "core/maplet/config.hpp"
+#include "core/odometry/odometry_config.hpp"
+#include "core/patches/patch_config.hpp"
+#include "core/registration/config.hpp"
+#include "core/skeleton/skeleton.hpp"
+
+namespace maplet {
+
+/// How one frame's time is spent. Shares are of the whole budget; what a stage leaves over, the
+/// next ones may use up to their own share.
+struct FrameConfig {
+  Duration budget = std::chrono::milliseconds{20};
+  double patches_share = 0.4;
+  double odometry_share = 0.4;
+  double maplet_share = 0.3;
+  double registration_share = 0.3;
+  double skeleton_share = 0.3;
+
+  static constexpr Field<FrameConfig> kFields[] = {
+      {"budget_us", &FrameConfig::budget, 50, 1e6,
+       "Time from pixels in memory to the step's result"},
+      {"patches_share", &FrameConfig::patches_share, 0.01, 1.0, "Of the budget, at most"},
+      {"odometry_share", &FrameConfig::odometry_share, 0.01, 1.0, "Of the budget, at most"},
+      {"maplet_share", &FrameConfig::maplet_share, 0.01, 1.0, "Of the budget, at most"},
+      {"registration_share", &FrameConfig::registration_share, 0.01, 1.0, "Of the budget, at most"},
+      {"skeleton_share", &FrameConfig::skeleton_share, 0.01, 1.0, "Of the budget, at most"},
+  };
+};
+
+/// What is kept. Sizes the arena.
+struct LimitsConfig {
+  int own_maplets = 512;
+
+  static constexpr Field<LimitsConfig> kFields[] = {
+      {"own_maplets", &LimitsConfig::own_maplets, 2, 65536,
+       "Maplets of this agent kept in memory; beyond it the oldest goes, counted"},
+  };
+};
+
+struct AgentConfig {
+  FrameConfig frame;
+  DecimatorConfig decimator;
+  PatchConfig patches;
+  OdometryConfig odometry;
+  MapletConfig maplet;
+  RegistrationConfig registration;
+  SkeletonConfig skeleton;
+  LimitsConfig limits;
+};
+
+}  // namespace maplet

@@ -1,0 +1,18 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "core/registration/delta_pose.hpp"
+
+namespace maplet {
+
+/// Makes records of what the agent finds out. The exchange implements it.
+class RecordSink {
+ public:
+  virtual ~RecordSink() = default;
+
+  /// Numbers the delta-pose as the next record of its stream.
+  /// @return it as everybody will read it, quantised for the wire: the agent goes on with this one
+  [[nodiscard]] virtual DeltaPose put(const DeltaPose& delta) noexcept = 0;
+};
+
+}  // namespace maplet

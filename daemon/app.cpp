@@ -1,0 +1,327 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#include "daemon/app.hpp"
+
+#include <fmt/format.h>
+
+#include <atomic>
+#include <csignal>
+#include <fstream>
+#include <random>
+#include <thread>
+
+#include "core/base/crc.hpp"
+#include "daemon/alloc_counter.hpp"
+#include "daemon/config_io.hpp"
+#include "daemon/log.hpp"
+#include "daemon/mapletctl_call.hpp"
+#include "daemon/progress.hpp"
+#include "daemon/report.hpp"
+#include "daemon/service_notify.hpp"
+#include "drivers/open_source.hpp"
+#include "transport/exchange/json.hpp"
+
+namespace maplet::daemon {
+
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr Duration kFlushTime = 3s;
+
+std::atomic<bool> stop_asked{false};
+
+extern "C" void on_signal(int) { stop_asked = true; }
+
+void catch_signals() {
+  struct sigaction action {};
+  action.sa_handler = on_signal;
+  sigaction(SIGTERM, &action, nullptr);
+  sigaction(SIGINT, &action, nullptr);
+  signal(SIGPIPE, SIG_IGN);
+}
+
+bool is_recording(std::string_view uri) {
+  return !uri.starts_with("openni2:") || uri.find(".oni") != std::string_view::npos;
+}
+
+Pacer::Mode pace_of(const Options& options, const Config& config) {
+  if (!is_recording(config.input.source)) return Pacer::Mode::kLive;
+  return options.pace == Options::Pace::kFast ? Pacer::Mode::kFast : Pacer::Mode::kRecorded;
+}
+
+/// docs/adr/0001: a replay's epoch is derived from everything that decides its bytes.
+std::uint32_t epoch_of(const Options& options, const Config& config) {
+  if (pace_of(options, config) != Pacer::Mode::kFast) return std::random_device{}();
+  const std::string all =
+      fmt::format("{}\n{}\n{}", MAPLET_VERSION, options.agent, print_config(config));
+  return crc32c(std::as_bytes(std::span{all}));
+}
+
+MapletRecord record_of(const MapletCut& closed) {
+  return {closed.maplet.key, closed.maplet.stamp,
+          static_cast<std::uint16_t>(closed.maplet.planes.size()),
+          static_cast<std::uint16_t>(closed.maplet.keyframes.size()), closed.bytes};
+}
+
+SourceOptions source_options(const Config& config) {
+  const CameraConfig& c = config.camera;
+  SourceOptions options;
+  options.camera = {c.width_px, c.height_px, c.fx_px, c.fy_px, c.cx_px, c.cy_px};
+  options.metres_per_unit = c.metres_per_unit;
+  options.gray = config.input.gray == "auto";
+  options.noise.kind =
+      c.noise == "tof" ? NoiseModel::Kind::kTimeOfFlight : NoiseModel::Kind::kDisparity;
+  options.noise.disparity_k = c.disparity_k;
+  options.noise.tof_floor_m = c.tof_floor_m;
+  options.noise.tof_slope = c.tof_slope;
+  return options;
+}
+
+}  // namespace
+
+App::App(const Options& options, const Config& config)
+    : options_{options},
+      config_{config},
+      identity_{options.agent, epoch_of(options, config)},
+      records_{identity_},
+      agent_{arena_.make<Agent>("agent", config.agent, identity_, meters_, records_, arena_)},
+      pacer_{pace_of(options, config)},
+      start_{monotonic_.now()} {
+  if (!arena_.seal(true)) log_warning("memory is not locked: grant LimitMEMLOCK (ulimit -l)");
+}
+
+App::~App() = default;
+
+int App::run() {
+  catch_signals();
+  if (const int exit_code = open(); exit_code != kExitDone) return exit_code;
+  watch_this_thread();
+  start_counting_allocations();
+  notify_ready();
+  const bool ended_well = loop();
+  stop_counting_allocations();
+  notify_stopping();
+  const int finished = finish();
+  return ended_well ? finished : kExitFailure;
+}
+
+int App::open() {
+  if (config_.input.source.empty()) {
+    log_error("no source: give --source URI, or input.source in the configuration");
+    return kExitUsage;
+  }
+  if (!options_.out.empty()) {
+    auto output = RunOutput::create(options_.out);
+    if (!output) {
+      log_error(output.error());
+      return kExitFailure;
+    }
+    output_ = std::move(*output);
+  }
+  if (options_.dds) {
+    const auto missing = output_ ? DdsPublisher::Missing::kFail : DdsPublisher::Missing::kWait;
+    auto publisher = DdsPublisher::start(config_.dds, options_.agent, missing);
+    if (!publisher) {
+      log_error(publisher.error().what);
+      return kExitFailure;
+    }
+    publisher_ = std::move(*publisher);
+  }
+  return open_source();
+}
+
+int App::open_source() {
+  const SourceOptions options = source_options(config_);
+  bool said = false;
+  while (true) {
+    auto opened = maplet::open_source(config_.input.source, options);
+    if (opened) {
+      source_ = std::move(*opened);
+      return kExitDone;
+    }
+    const bool may_come = opened.error().kind == SourceError::Kind::kAbsent && !output_;
+    if (!may_come) {
+      log_error(opened.error().what);
+      return opened.error().kind == SourceError::Kind::kUsage ? kExitUsage : kExitFailure;
+    }
+    if (!said) {
+      log_warning("waiting for a camera: " + opened.error().what);
+      notify_ready();
+      notify_status("waiting for a camera");
+      said = true;
+    }
+    publish_status(StatusRecord::State::kWaitingForCamera);
+    for (int i = 0; i < 10; ++i) {
+      if (stop_asked) return kExitDone;
+      std::this_thread::sleep_for(std::chrono::milliseconds{100});
+    }
+  }
+}
+
+bool App::loop() {
+  Progress progress{"mapping", source_ ? source_->length() : std::nullopt};
+  while (!stop_asked) {
+    DepthFrame frame;
+    switch (read(frame)) {
+      case Read::kEnd:
+        return true;
+      case Read::kFailed:
+        if (output_ || open_source() != kExitDone) return false;
+        break;
+      case Read::kNothing:
+        break;
+      case Read::kFrame:
+        if (pacer_.wait(frame.stamp, stop_asked)) {
+          process(frame);
+        } else {
+          ++totals_.dropped;
+        }
+        progress.show(source_->counters().read);
+    }
+  }
+  return true;
+}
+
+App::Read App::read(DepthFrame& frame) {
+  constexpr Duration kPatience = std::chrono::seconds{1};
+  constexpr int kMaxTimeouts = 5;  // a finite run does not wait for ever
+  const StageScope scope{meters_, Stage::kSource, kPatience};
+  const ThirdPartyScope theirs;  // decoding a recording allocates in its libraries
+  const auto next = source_->next(Deadline{monotonic_, kPatience});
+  say_detail();
+  if (next) {
+    frame = *next;
+    timeouts_ = 0;
+    return Read::kFrame;
+  }
+  switch (next.error().code) {
+    case ErrorCode::kEnd:
+      return Read::kEnd;
+    case ErrorCode::kTimeout:
+      if (++timeouts_ < kMaxTimeouts || !output_) return Read::kNothing;
+      log_error(config_.input.source + ": no frame for 5 s; check the device or the recording");
+      return Read::kFailed;
+    default:
+      log_error(fmt::format("{}: {}", config_.input.source, next.error().what));
+      return Read::kFailed;
+  }
+}
+
+void App::process(const DepthFrame& frame) {
+  const Duration budget = config_.agent.frame.budget;
+  Step step;
+  {
+    const StageScope scope{meters_, Stage::kFrame, budget};
+    step = agent_->step(frame, Deadline{pacer_.clock(), budget});
+  }
+  last_stamp_ = frame.stamp;
+  tracking_ = step.track.state == Track::State::kTracking;
+  totals_.add(step);
+  if (output_) output_->frame(step);
+  hand_out(step.closed);
+  if (monotonic_.now() - last_status_ >= std::chrono::seconds{1}) {
+    publish_status(StatusRecord::State::kRunning);
+  }
+}
+
+void App::hand_out(const MapletCut* closed) {
+  const StageScope scope{meters_, Stage::kExchange, config_.agent.frame.budget};
+  if (closed != nullptr) {
+    if (output_) output_->maplet(*closed);
+    if (publisher_) (void)publisher_->publish(record_of(*closed));
+  }
+  for (const DeltaPoseRecord& record : records_.pending()) {
+    totals_.add(record.kind);
+    if (output_) {
+      const JsonLine line = to_json(record);
+      output_->delta_pose({line.data(), line.size()});
+    }
+    if (publisher_) (void)publisher_->publish(record);
+  }
+  records_.clear_pending();
+}
+
+int App::finish() {
+  if (const MapletCut* closed = agent_->finish(Deadline::never())) {
+    totals_.add(*closed);
+    hand_out(closed);
+  }
+  publish_status(StatusRecord::State::kStopping);
+  if (publisher_ && !publisher_->flush(kFlushTime)) {
+    log_warning("a subscriber did not take everything in time");
+  }
+  if (!output_) return kExitDone;
+  if (totals_.processed == 0) {
+    log_error(config_.input.source + ": no usable frame; check the recording");
+    return kExitFailure;
+  }
+  if (const auto written = output_->finish(*agent_); !written) {
+    log_error(written.error());
+    return kExitFailure;
+  }
+  return draw() && write_report() ? kExitDone : kExitFailure;
+}
+
+void App::publish_status(StatusRecord::State state) {
+  last_status_ = monotonic_.now();
+  if (!publisher_) return;
+  StatusRecord status;
+  status.agent = identity_.agent;
+  status.epoch = identity_.epoch;
+  status.state = state;
+  status.tracking = tracking_;
+  status.stamp = last_stamp_;
+  status.uptime_ms = static_cast<std::uint64_t>((last_status_ - start_) / 1ms);
+  const SourceCounters source = source_ ? source_->counters() : SourceCounters{};
+  status.frames_read = source.read;
+  status.frames_processed = totals_.processed;
+  status.frames_dropped = source.dropped + totals_.dropped;
+  status.frames_lost = totals_.lost;
+  status.keyframes = totals_.keyframes;
+  status.maplets = totals_.maplets;
+  status.delta_poses = totals_.delta_poses;
+  status.closures = totals_.closures;
+  status.nodes = static_cast<std::uint32_t>(agent_->skeleton().node_count());
+  status.factors = static_cast<std::uint32_t>(agent_->skeleton().factor_count());
+  status.messages_dropped = static_cast<std::uint32_t>(publisher_->counters().dropped);
+  status.arena_bytes = arena_.used_bytes();
+  status.rss_bytes = peak_rss_bytes();
+  for (std::size_t i = 0; i < kStages; ++i)
+    status.stages[i] = meters_.summary(static_cast<Stage>(i));
+  (void)publisher_->publish(status);
+}
+
+bool App::draw() {
+  const std::string folder = output_->folder().string();
+  std::vector<std::string> draw{"draw", folder};
+  if (const auto& up = config_.body.up) {
+    draw.insert(draw.end(), {"--up", fmt::format("{},{},{}", (*up)[0], (*up)[1], (*up)[2])});
+  }
+  for (const auto& arguments :
+       {draw, std::vector<std::string>{"export", folder, "--ply", folder + "/map.ply"}}) {
+    if (const std::string problem = call_mapletctl(arguments); !problem.empty()) {
+      log_error(problem);
+      return false;
+    }
+  }
+  return true;
+}
+
+bool App::write_report() {
+  const auto path = output_->folder() / "report.json";
+  std::ofstream file{path};
+  file << report_json(totals_, source_->counters(), meters_, arena_.used_bytes());
+  file.close();
+  if (!file) log_error(path.string() + ": cannot be written; make room and run again");
+  return static_cast<bool>(file);
+}
+
+void App::say_detail() {
+  const std::string_view detail = source_->detail();
+  if (!detail.empty() && detail != said_) {
+    said_.assign(detail);
+    log_warning(said_);
+  }
+}
+
+}  // namespace maplet::daemon

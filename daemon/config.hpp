@@ -1,0 +1,78 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+
+#include "core/agent/agent_config.hpp"
+#include "core/base/field.hpp"
+#include "transport/dds/config.hpp"
+
+namespace maplet::daemon {
+
+/// Where frames come from.
+struct InputConfig {
+  std::string source;
+  std::string gray = "auto";
+
+  static constexpr Field<InputConfig> kFields[] = {
+      {"source", &InputConfig::source, 0, 0,
+       "Source URI: tum:DIR, openni2:, openni2:FILE.oni, sim:WORLD; --source overrides it"},
+      {"gray", &InputConfig::gray, 0, 0, "Use a gray image registered to depth when there is one",
+       "auto|off"},
+  };
+};
+
+/// The depth camera, where a recording's camera.toml or the device does not say.
+struct CameraConfig {
+  int width_px = 0;
+  int height_px = 0;
+  double fx_px = 0.0;
+  double fy_px = 0.0;
+  double cx_px = 0.0;
+  double cy_px = 0.0;
+  double metres_per_unit = 0.001;
+  std::string noise = "disparity";
+  double disparity_k = 1.425e-3;
+  double tof_floor_m = 0.004;
+  double tof_slope = 0.002;
+
+  static constexpr Field<CameraConfig> kFields[] = {
+      {"width_px", &CameraConfig::width_px, 0, kMaxWidthPx, "Image width; 0 = as the source says"},
+      {"height_px", &CameraConfig::height_px, 0, kMaxHeightPx,
+       "Image height; 0 = as the source says"},
+      {"fx_px", &CameraConfig::fx_px, -1e5, 1e5, "Focal length in x; 0 = as the source says"},
+      {"fy_px", &CameraConfig::fy_px, -1e5, 1e5, "Focal length in y; 0 = as the source says"},
+      {"cx_px", &CameraConfig::cx_px, -1e5, 1e5, "Principal point in x"},
+      {"cy_px", &CameraConfig::cy_px, -1e5, 1e5, "Principal point in y"},
+      {"metres_per_unit", &CameraConfig::metres_per_unit, 1e-6, 1.0, "Metres of one depth unit"},
+      {"noise", &CameraConfig::noise, 0, 0,
+       "Noise model: disparity (structured light, stereo) or tof", "disparity|tof"},
+      {"disparity_k", &CameraConfig::disparity_k, 1e-6, 1.0,
+       "Disparity noise: sigma_z = k z^2, k in 1/m"},
+      {"tof_floor_m", &CameraConfig::tof_floor_m, 0.0, 1.0,
+       "Time of flight: sigma_z = floor + slope z"},
+      {"tof_slope", &CameraConfig::tof_slope, 0.0, 1.0,
+       "Time of flight: sigma_z = floor + slope z"},
+  };
+};
+
+/// How the camera sits on the robot.
+struct BodyConfig {
+  Vector3OrAuto up;
+
+  static constexpr Field<BodyConfig> kFields[] = {
+      {"up", &BodyConfig::up, -1.0, 1.0,
+       "Up in the camera's frame at start (x right, y down, z forward), or auto: from the dominant "
+       "horizontal plane"},
+  };
+};
+
+struct Config {
+  InputConfig input;
+  CameraConfig camera;
+  BodyConfig body;
+  AgentConfig agent;
+  DdsConfig dds;
+};
+
+}  // namespace maplet::daemon

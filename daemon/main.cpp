@@ -1,0 +1,61 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+// mapletd: depth frames in; track, maplets, delta-poses and skeleton out.
+#include <fmt/format.h>
+
+#include <cstdio>
+#include <exception>
+
+#include "daemon/app.hpp"
+#include "daemon/config_io.hpp"
+#include "daemon/memory_ledger.hpp"
+#include "daemon/options.hpp"
+
+namespace {
+
+using namespace maplet::daemon;
+
+tl::expected<Config, ConfigError> configure(const Options& options) {
+  auto config = options.config_file.empty() ? tl::expected<Config, ConfigError>{Config{}}
+                                            : load_config(options.config_file);
+  for (const std::string& assignment : options.overrides) {
+    if (!config) break;
+    if (const auto set = set_key(*config, assignment); !set) return tl::unexpected{set.error()};
+  }
+  if (config && !options.source.empty()) config->input.source = options.source;
+  return config;
+}
+
+int run(int argc, char** argv) {
+  Options options;
+  if (const int exit_code = parse_options(argc, argv, options); exit_code >= 0) return exit_code;
+  const auto config = configure(options);
+  if (!config) {
+    fmt::print(stderr, "mapletd: {}\n", config.error());
+    return kExitUsage;
+  }
+  switch (options.action) {
+    case Options::Action::kCheckConfig:
+      fmt::print("configuration is valid\n");
+      return kExitDone;
+    case Options::Action::kPrintConfig:
+      fmt::print("{}", print_config(*config));
+      return kExitDone;
+    case Options::Action::kPrintMemory:
+      fmt::print("{}", memory_ledger(*config));
+      return kExitDone;
+    case Options::Action::kRun:
+      return App{options, *config}.run();
+  }
+  return kExitUsage;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  try {
+    return run(argc, argv);
+  } catch (const std::exception& e) {
+    std::fprintf(stderr, "mapletd: %s\n", e.what());
+    return kExitFailure;
+  }
+}

@@ -1,0 +1,46 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#include "daemon/mapletctl_call.hpp"
+
+#include <fmt/format.h>
+#include <spawn.h>
+#include <sys/wait.h>
+
+#include <cstring>
+#include <filesystem>
+
+extern char** environ;
+
+namespace maplet::daemon {
+
+namespace {
+
+std::string find_mapletctl() {
+  std::error_code error;
+  const auto beside =
+      std::filesystem::read_symlink("/proc/self/exe", error).parent_path() / "mapletctl";
+  return !error && std::filesystem::exists(beside, error) ? beside.string() : "mapletctl";
+}
+
+}  // namespace
+
+std::string call_mapletctl(const std::vector<std::string>& arguments) {
+  std::vector<std::string> words{find_mapletctl()};
+  words.insert(words.end(), arguments.begin(), arguments.end());
+  std::vector<char*> argv;
+  for (std::string& word : words) argv.push_back(word.data());
+  argv.push_back(nullptr);
+
+  pid_t child = 0;
+  if (const int error = posix_spawnp(&child, argv[0], nullptr, nullptr, argv.data(), environ)) {
+    return fmt::format("{} did not start ({}); install it beside mapletd", words[0],
+                       std::strerror(error));
+  }
+  int status = 0;
+  while (waitpid(child, &status, 0) < 0) {
+    if (errno != EINTR) return "mapletctl was lost";
+  }
+  if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return {};
+  return fmt::format("mapletctl {} did not succeed", fmt::join(arguments, " "));
+}
+
+}  // namespace maplet::daemon

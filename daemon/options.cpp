@@ -1,0 +1,69 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#include "daemon/options.hpp"
+
+#include <CLI/CLI.hpp>
+#include <map>
+
+namespace maplet::daemon {
+
+namespace {
+
+constexpr const char* kDescription =
+    "mapletd: maps with a depth camera in fixed memory and bounded time, and shares the map.\n\n"
+    "With --out it processes the source to its end, writes trajectory, maplets, skeleton, "
+    "pictures\n"
+    "and report.json into that folder, and exits. Without --out it is the service: it runs until\n"
+    "SIGTERM, waits for a camera that is not there yet, and publishes on DDS.";
+
+constexpr const char* kFooter =
+    "\nExamples:\n"
+    "  mapletd --source sim:loop --out out/loop          a simulated loop, as fast as it goes\n"
+    "  mapletd --source tum:DIR --out out/run            a recording in TUM RGB-D layout\n"
+    "  mapletd --source openni2: --config robot.toml     the service, first OpenNI2 camera\n"
+    "  mapletctl watch                                   what it publishes, in another terminal\n\n"
+    "Exit status: 0 done, 1 failure (input, device, environment), 2 usage or configuration.";
+
+}  // namespace
+
+int parse_options(int argc, char** argv, Options& options) {
+  CLI::App app{kDescription};
+  app.footer(kFooter);
+  app.set_version_flag("--version", "mapletd " MAPLET_VERSION);
+  app.add_option("--config", options.config_file, "TOML file; --print-config lists all keys");
+  app.add_option("--set", options.overrides, "key=value over the file, as often as you like")
+      ->allow_extra_args(false);
+  app.add_option("--source", options.source,
+                 "tum:DIR[?first=N&count=M&every=K], openni2:[DEVICE-URI|FILE.oni], "
+                 "sim:room|loop|corridor[?seed=N&frames=M]");
+  app.add_option("--out", options.out, "Folder for the results of a finite run");
+  const std::map<std::string, Options::Pace> paces{{"fast", Options::Pace::kFast},
+                                                   {"recorded", Options::Pace::kRecorded}};
+  app.add_option(
+         "--pace", options.pace,
+         "Of recordings: fast (default; limits in counts decide, results are bit-identical) "
+         "or recorded (wall clock, deadlines decide)")
+      ->transform(CLI::CheckedTransformer(paces));
+  app.add_option("--agent", options.agent, "This agent's number, unique among agents (0..65535)");
+  bool no_dds = false;
+  bool check = false;
+  bool print_config = false;
+  bool print_memory = false;
+  app.add_flag("--no-dds", no_dds, "Publish nothing");
+  auto* actions = app.add_option_group("instead of running");
+  actions->add_flag("--check-config", check, "Check the configuration and exit");
+  actions->add_flag("--print-config", print_config, "Print all keys with values and ranges");
+  actions->add_flag("--print-memory", print_memory, "Print the memory ledger");
+  actions->require_option(0, 1);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? 0 : 2;
+  }
+  options.dds = !no_dds;
+  if (check) options.action = Options::Action::kCheckConfig;
+  if (print_config) options.action = Options::Action::kPrintConfig;
+  if (print_memory) options.action = Options::Action::kPrintMemory;
+  return -1;
+}
+
+}  // namespace maplet::daemon

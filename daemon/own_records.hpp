@@ -1,0 +1,37 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+
+#include "core/agent/agent.hpp"
+#include "core/base/static_vector.hpp"
+#include "core/ports/record_sink.hpp"
+#include "transport/exchange/delta_pose_record.hpp"
+
+namespace maplet::daemon {
+
+/// Numbers what this agent finds out and keeps the records of one step until they are handed out.
+///
+/// Memory  fixed.
+class OwnRecords final : public RecordSink {
+ public:
+  static constexpr std::size_t kPerStep = 16;
+
+  explicit OwnRecords(AgentIdentity identity) noexcept : identity_{identity} {}
+
+  [[nodiscard]] DeltaPose put(const DeltaPose& delta) noexcept override;
+
+  [[nodiscard]] std::span<const DeltaPoseRecord> pending() const noexcept {
+    return {pending_.data(), pending_.size()};
+  }
+  void clear_pending() noexcept { pending_.clear(); }
+
+ private:
+  AgentIdentity identity_;
+  std::array<std::uint32_t, kStreams> next_seq_{};
+  StaticVector<DeltaPoseRecord, kPerStep> pending_;
+};
+
+}  // namespace maplet::daemon

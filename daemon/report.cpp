@@ -1,0 +1,80 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#include "daemon/report.hpp"
+
+#include <sys/resource.h>
+
+#include <nlohmann/json.hpp>
+
+#include "daemon/alloc_counter.hpp"
+#include "transport/exchange/delta_pose_record.hpp"
+
+namespace maplet::daemon {
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+double us(Duration duration) { return static_cast<double>(duration.count()) / 1000.0; }
+
+Json stage_json(const StageStats& stats) {
+  return {{"p50_us", us(stats.wall.percentile(0.5))},
+          {"p99_us", us(stats.wall.percentile(0.99))},
+          {"max_us", us(stats.wall.max())},
+          {"cpu_p50_us", us(stats.cpu.percentile(0.5))},
+          {"cpu_p99_us", us(stats.cpu.percentile(0.99))},
+          {"count", stats.wall.count()},
+          {"deadline_misses", stats.deadline_misses}};
+}
+
+double mean(std::uint64_t sum, std::uint64_t count) {
+  return count == 0 ? 0.0 : static_cast<double>(sum) / static_cast<double>(count);
+}
+
+Json memory_json(std::size_t arena_bytes) {
+  Json memory{{"arena_bytes", arena_bytes}, {"peak_rss_bytes", peak_rss_bytes()}};
+  if (allocation_counting_available()) {
+    memory["heap_allocations_after_ready"] = allocation_counts().ours;
+    memory["third_party_allocations"] = allocation_counts().third_party;
+  } else {  // under a sanitizer nobody counts
+    memory["heap_allocations_after_ready"] = nullptr;
+    memory["third_party_allocations"] = nullptr;
+  }
+  return memory;
+}
+
+}  // namespace
+
+std::size_t peak_rss_bytes() noexcept {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return static_cast<std::size_t>(usage.ru_maxrss) * 1024;
+}
+
+std::string report_json(const RunTotals& totals, const SourceCounters& source,
+                        const StageMeters& meters, std::size_t arena_bytes) {
+  Json report;
+  report["version"] = MAPLET_VERSION;
+  report["frames"] = {{"read", source.read},
+                      {"processed", totals.processed},
+                      {"dropped", source.dropped + totals.dropped},
+                      {"unreadable", source.unreadable},
+                      {"out_of_order", source.out_of_order}};
+  for (std::size_t i = 0; i < kStages; ++i) {
+    report["stages"][kStageNames[i]] = stage_json(meters.of(static_cast<Stage>(i)));
+  }
+  report["tracking"] = {{"keyframes", totals.keyframes}, {"lost", totals.lost}};
+  report["maplets"] = {{"count", totals.maplets},
+                       {"bytes_min", totals.maplet_bytes_min},
+                       {"bytes_mean", mean(totals.maplet_bytes, totals.maplets)},
+                       {"bytes_max", totals.maplet_bytes_max},
+                       {"planes_mean", mean(totals.maplet_planes, totals.maplets)},
+                       {"point_cloud_bytes_mean", mean(totals.point_cloud_bytes, totals.maplets)}};
+  report["delta_poses"] = {
+      {"count", totals.delta_poses},
+      {"closures", totals.closures},
+      {"payload_bytes_mean", totals.delta_poses == 0 ? 0 : kDeltaPosePayloadBytes}};
+  report["memory"] = memory_json(arena_bytes);
+  return report.dump(2) + "\n";
+}
+
+}  // namespace maplet::daemon

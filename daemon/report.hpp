@@ -1,0 +1,26 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <string>
+
+#include "core/ports/depth_source.hpp"
+#include "daemon/run_totals.hpp"
+#include "daemon/stage_stats.hpp"
+
+namespace maplet::daemon {
+
+/// What report.json says of the process.
+struct MemoryFigures {
+  std::size_t arena_bytes = 0;
+  std::size_t peak_rss_bytes = 0;
+};
+
+/// Peak resident memory of this process so far.
+[[nodiscard]] std::size_t peak_rss_bytes() noexcept;
+
+/// report.json (docs/output.md). Allocates: only after the run.
+[[nodiscard]] std::string report_json(const RunTotals& totals, const SourceCounters& source,
+                                      const StageMeters& meters, std::size_t arena_bytes);
+
+}  // namespace maplet::daemon

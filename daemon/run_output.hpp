@@ -1,0 +1,48 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <tl/expected.hpp>
+
+#include "core/agent/agent.hpp"
+#include "daemon/output_file.hpp"
+
+namespace maplet::daemon {
+
+/// The folder of a finite run (docs/output.md), written while the run goes on.
+///
+/// Memory   fixed while running; finish() allocates.
+/// Errors   the first one is kept; the run goes on and finish() says it.
+class RunOutput {
+ public:
+  /// Makes the folder and removes what an earlier run left there of these files.
+  [[nodiscard]] static tl::expected<std::unique_ptr<RunOutput>, std::string> create(
+      const std::string& folder);
+
+  void frame(const Step& step) noexcept;
+  void maplet(const MapletCut& closed) noexcept;
+  void delta_pose(std::string_view json_line) noexcept;
+
+  /// Writes what needs the whole run: trajectory.tum and skeleton.g2o.
+  [[nodiscard]] tl::expected<void, std::string> finish(const Agent& agent);
+
+  [[nodiscard]] const std::filesystem::path& folder() const noexcept { return folder_; }
+
+ private:
+  explicit RunOutput(std::filesystem::path folder) : folder_{std::move(folder)} {}
+  void note(const OutputFile& file) noexcept;
+
+  std::filesystem::path folder_;
+  OutputFile odometry_;
+  OutputFile delta_poses_;
+  OutputFile frames_;  // what trajectory.tum is made from at the end
+  OutputFile maplet_;
+  int error_ = 0;  // errno of the first failure
+};
+
+}  // namespace maplet::daemon

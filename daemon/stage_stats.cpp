@@ -1,0 +1,67 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#include "daemon/stage_stats.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <ctime>
+
+namespace maplet::daemon {
+
+namespace {
+
+constexpr double kSmallestNs = 100.0;
+constexpr double kLogStep = 0.00995033085316808;  // log(1.01)
+
+Duration now(clockid_t clock) noexcept {
+  timespec time{};
+  clock_gettime(clock, &time);
+  return std::chrono::seconds{time.tv_sec} + Duration{time.tv_nsec};
+}
+
+}  // namespace
+
+void DurationHistogram::add(Duration duration) noexcept {
+  const double ns = std::max(kSmallestNs, static_cast<double>(duration.count()));
+  const auto bucket = static_cast<std::size_t>(std::log(ns / kSmallestNs) / kLogStep);
+  ++buckets_[std::min(bucket, kBuckets - 1)];
+  ++count_;
+  max_ = std::max(max_, duration);
+}
+
+Duration DurationHistogram::percentile(double share) const noexcept {
+  if (count_ == 0) return {};
+  const auto wanted = static_cast<std::uint64_t>(std::ceil(share * static_cast<double>(count_)));
+  std::uint64_t seen = 0;
+  for (std::size_t i = 0; i < kBuckets; ++i) {
+    seen += buckets_[i];
+    if (seen >= std::max<std::uint64_t>(wanted, 1)) {
+      const double upper_ns = kSmallestNs * std::exp(kLogStep * static_cast<double>(i + 1));
+      return std::min(max_, Duration{std::llround(upper_ns)});
+    }
+  }
+  return max_;
+}
+
+void StageMeters::begin(Stage stage) noexcept {
+  starts_[static_cast<std::size_t>(stage)] = {now(CLOCK_MONOTONIC), now(CLOCK_THREAD_CPUTIME_ID)};
+}
+
+void StageMeters::end(Stage stage, Duration budget) noexcept {
+  const auto i = static_cast<std::size_t>(stage);
+  const Duration cpu = now(CLOCK_THREAD_CPUTIME_ID) - starts_[i].cpu;
+  const Duration wall = now(CLOCK_MONOTONIC) - starts_[i].wall;
+  stats_[i].wall.add(wall);
+  stats_[i].cpu.add(cpu);
+  if (wall > budget) ++stats_[i].deadline_misses;
+}
+
+StageTime StageMeters::summary(Stage stage) const noexcept {
+  const auto us = [](Duration duration) {
+    return static_cast<std::uint32_t>(duration / std::chrono::microseconds{1});
+  };
+  const StageStats& stats = of(stage);
+  return {us(stats.cpu.percentile(0.5)), us(stats.cpu.percentile(0.99)), us(stats.cpu.max()),
+          static_cast<std::uint32_t>(stats.deadline_misses)};
+}
+
+}  // namespace maplet::daemon

@@ -1,0 +1,179 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+// What a person can get wrong: one line that names the file and the remedy, and the exit code.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "drivers/replay/image_file.hpp"
+#include "tests/support/recordings.hpp"
+#include "tests/support/run.hpp"
+#include "tests/support/temp_dir.hpp"
+
+namespace maplet::test {
+namespace {
+
+using testing::AllOf;
+using testing::AnyOf;
+using testing::HasSubstr;
+namespace fs = std::filesystem;
+
+std::size_t lines(const std::string& text) {
+  return static_cast<std::size_t>(std::count(text.begin(), text.end(), '\n'));
+}
+
+/// A short simulated recording, made once for the whole program.
+const fs::path& recording() {
+  static const TempDir dir;
+  static const fs::path made = [] {
+    const fs::path path = dir.path() / "recording";
+    const Finished simulated =
+        run({"mapletctl", "simulate", "sim:room?frames=30&width=320", "--out", path.string()});
+    EXPECT_EQ(simulated.exit_code, 0) << simulated.err;
+    return path;
+  }();
+  return made;
+}
+
+class BadRecording : public testing::Test {
+ protected:
+  void SetUp() override { fs::copy(recording(), source_, fs::copy_options::recursive); }
+  std::string uri() const { return "tum:" + source_.string(); }
+
+  TempDir dir_;
+  fs::path source_ = dir_.path() / "copy";
+  fs::path out_ = dir_.path() / "out";
+};
+
+TEST(BadInput, UsageAndConfiguration) {
+  EXPECT_EQ(run({"mapletd", "--no-such-option"}).exit_code, 2);
+  const TempDir dir;
+  const fs::path config = dir.path() / "robot.toml";
+  std::ofstream{config} << "[frame]\nbudget_us = -4\n";
+  const Finished bad_value = run({"mapletd", "--config", config.string(), "--check-config"});
+  EXPECT_EQ(bad_value.exit_code, 2);
+  EXPECT_THAT(bad_value.err, AllOf(HasSubstr("robot.toml:2"), HasSubstr("frame.budget_us")));
+  EXPECT_EQ(lines(bad_value.err), 1u);
+  const Finished no_source = run({"mapletd", "--out", dir.path().string(), "--no-dds"});
+  EXPECT_EQ(no_source.exit_code, 2);
+  EXPECT_THAT(no_source.err, HasSubstr("--source"));
+  const Finished scheme = map_it("ftp:somewhere", dir.path() / "out");
+  EXPECT_EQ(scheme.exit_code, 2);
+  EXPECT_THAT(scheme.err, HasSubstr("tum:"));
+}
+
+TEST(BadInput, MissingFolderIsOneLine) {
+  const TempDir dir;
+  const Finished missing = map_it("tum:/nonexistent/recording", dir.path() / "out");
+  EXPECT_EQ(missing.exit_code, 1);
+  EXPECT_THAT(missing.err, HasSubstr("/nonexistent/recording"));
+  EXPECT_EQ(lines(missing.err), 1u) << missing.err;
+}
+
+TEST(BadInput, OutFolderThatCannotBe) {
+  const Finished refused = map_it("sim:room?frames=2&width=320", "/proc/no/such/place");
+  EXPECT_EQ(refused.exit_code, 1);
+  EXPECT_THAT(refused.err, HasSubstr("--out"));
+}
+
+TEST(BadInput, NoCameraEndsAFiniteRunWithinTenSeconds) {
+  const TempDir dir;
+  const Finished none = map_it("openni2:", dir.path() / "out");
+  EXPECT_EQ(none.exit_code, 1) << none.err;
+  EXPECT_LT(none.took, std::chrono::seconds{10});
+  EXPECT_THAT(none.err, HasSubstr("OpenNI2"));
+}
+
+TEST(BadInput, NoCameraMakesTheServiceWaitAndSaySo) {
+  Process service{{"mapletd", "--source", "openni2:", "--no-dds"}};
+  for (int i = 0; i < 100 && service.err().empty(); ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds{50});
+  }
+  EXPECT_THAT(service.err(), HasSubstr("waiting for a camera"));
+  EXPECT_TRUE(service.running());
+  service.signal(SIGTERM);
+  const Finished stopped = service.wait(std::chrono::seconds{5});
+  EXPECT_EQ(stopped.exit_code, 0) << stopped.err;
+}
+
+TEST(BadInput, EmptyOniRecording) {
+  MAPLET_RECORDING(oni, "oni/openni1_truncated_0frames.oni");
+  const TempDir dir;
+  const Finished empty = map_it("openni2:" + oni.string(), dir.path() / "out");
+  EXPECT_EQ(empty.exit_code, 1) << empty.err;
+  EXPECT_THAT(empty.err, HasSubstr("openni1_truncated_0frames.oni"));
+  EXPECT_LT(empty.took, std::chrono::seconds{10});
+}
+
+TEST_F(BadRecording, TruncatedImageIsACountedSkip) {
+  fs::resize_file(source_ / "depth/000010.png", 200);
+  const Finished mapped = map_it(uri(), out_);
+  EXPECT_EQ(mapped.exit_code, 0) << mapped.err;
+  EXPECT_THAT(mapped.err, HasSubstr("000010.png"));
+  const auto report = report_of(out_);
+  EXPECT_EQ(report["frames"]["unreadable"], 1);
+  EXPECT_EQ(report["frames"]["processed"], 29);
+}
+
+TEST_F(BadRecording, ImageSizeThatDiffersNamesBoth) {
+  std::string text;
+  {
+    std::ifstream in{source_ / "camera.toml"};
+    text.assign(std::istreambuf_iterator<char>{in}, {});
+  }
+  text.replace(text.find("width_px = 320"), 14, "width_px = 640");
+  std::ofstream{source_ / "camera.toml"} << text;
+  const Finished refused = map_it(uri(), out_);
+  EXPECT_EQ(refused.exit_code, 1);
+  EXPECT_THAT(refused.err, AllOf(HasSubstr("640"), HasSubstr("320")));
+}
+
+TEST_F(BadRecording, MissingIntrinsicsNameTheRemedy) {
+  fs::remove(source_ / "camera.toml");
+  const Finished refused = map_it(uri(), out_);
+  EXPECT_EQ(refused.exit_code, 1);
+  EXPECT_THAT(refused.err, AllOf(HasSubstr("camera.toml"), HasSubstr("camera.")));
+  const Finished given = map_it(
+      uri(), out_,
+      {"--set", "camera.width_px=320", "--set", "camera.height_px=240", "--set", "camera.fx_px=270",
+       "--set", "camera.fy_px=270", "--set", "camera.cx_px=160", "--set", "camera.cy_px=120"});
+  EXPECT_EQ(given.exit_code, 0) << given.err;
+}
+
+TEST_F(BadRecording, StampsThatGoBackAreACountedSkip) {
+  std::ifstream in{source_ / "depth.txt"};
+  std::vector<std::string> list;
+  for (std::string line; std::getline(in, line);) list.push_back(line);
+  in.close();
+  std::swap(list[list.size() - 5], list[list.size() - 10]);
+  std::ofstream out{source_ / "depth.txt"};
+  for (const std::string& line : list) out << line << '\n';
+  out.close();
+  const Finished mapped = map_it(uri(), out_);
+  EXPECT_EQ(mapped.exit_code, 0) << mapped.err;
+  EXPECT_GE(report_of(out_)["frames"]["out_of_order"], 1);
+}
+
+TEST_F(BadRecording, BlackFramesInTheMiddleAreLostAndThenItGoesOn) {
+  const std::vector<std::uint16_t> black(320 * 240, 0);
+  for (const char* name : {"000012.png", "000013.png", "000014.png"}) {
+    ASSERT_TRUE(
+        write_png(source_ / "depth" / name, ImageView<std::uint16_t>{black.data(), 320, 240, 320}));
+  }
+  const Finished mapped = map_it(uri(), out_);
+  ASSERT_EQ(mapped.exit_code, 0) << mapped.err;
+  const auto report = report_of(out_);
+  EXPECT_EQ(report["frames"]["processed"], 30);
+  EXPECT_GE(report["tracking"]["lost"], 3);
+  EXPECT_LE(report["tracking"]["lost"], 10);
+  std::ifstream odometry{out_ / "odometry.tum"};
+  const auto tracked = std::count(std::istreambuf_iterator<char>{odometry}, {}, '\n');
+  EXPECT_EQ(tracked, 30 - report["tracking"]["lost"].get<int>());
+}
+
+}  // namespace
+}  // namespace maplet::test

@@ -1,0 +1,80 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#include "daemon/config_io.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace maplet::daemon {
+namespace {
+
+using std::chrono::microseconds;
+using testing::HasSubstr;
+
+std::string error_of(std::string_view text) {
+  const auto parsed = parse_config(text, "test.toml");
+  return parsed ? "" : parsed.error();
+}
+
+TEST(ConfigIo, ReadsWhatIsSaidAndKeepsTheRest) {
+  const auto config = parse_config("[input]\ndecimate = 2\n[frame]\nbudget_us = 5000\n", "t");
+  ASSERT_TRUE(config) << config.error();
+  EXPECT_EQ(config->agent.decimator.step, 2);
+  EXPECT_EQ(config->agent.frame.budget, microseconds{5000});
+  EXPECT_EQ(config->input.gray, "auto");
+}
+
+TEST(ConfigIo, UnknownKeyNamesFileAndLine) {
+  EXPECT_THAT(error_of("[input]\n\ndecimte = 2\n"), HasSubstr("test.toml:3"));
+  EXPECT_THAT(error_of("[input]\n\ndecimte = 2\n"), HasSubstr("input.decimte"));
+  EXPECT_THAT(error_of("[inputs]\n"), HasSubstr("test.toml:1"));
+  EXPECT_THAT(error_of("source = \"x\"\n"), HasSubstr("unknown key 'source'"));
+}
+
+TEST(ConfigIo, ValueOutOfRangeNamesTheRange) {
+  const std::string error = error_of("[dds]\ndomain = 500\n");
+  EXPECT_THAT(error, HasSubstr("test.toml:2"));
+  EXPECT_THAT(error, HasSubstr("dds.domain = 500"));
+  EXPECT_THAT(error, HasSubstr("0 .. 230"));
+}
+
+TEST(ConfigIo, WrongTypesAndNotANumberAreRefused) {
+  EXPECT_THAT(error_of("[dds]\ndomain = \"three\"\n"), HasSubstr("dds.domain"));
+  EXPECT_THAT(error_of("[dds]\ndomain = 1.5\n"), HasSubstr("dds.domain"));
+  EXPECT_THAT(error_of("[camera]\ncx_px = nan\n"), HasSubstr("camera.cx_px"));
+  EXPECT_THAT(error_of("[input]\ngray = \"maybe\"\n"), HasSubstr("auto|off"));
+  EXPECT_THAT(error_of("[input]\ndecimate = 3\n"), HasSubstr("1, 2 or 4"));
+  EXPECT_THAT(error_of("[input\n"), HasSubstr("not TOML"));
+  EXPECT_THAT(error_of("[camera]\nfx_px = 500.0\n"), HasSubstr("go together"));
+}
+
+TEST(ConfigIo, UpIsAVectorOrAuto) {
+  const auto vector = parse_config("[body]\nup = [0, -1, 0]\n", "t");
+  ASSERT_TRUE(vector) << vector.error();
+  ASSERT_TRUE(vector->body.up);
+  EXPECT_EQ((*vector->body.up)[1], -1.0);
+  EXPECT_TRUE(parse_config("[body]\nup = \"auto\"\n", "t"));
+  EXPECT_THAT(error_of("[body]\nup = [0, 0, 0]\n"), HasSubstr("body.up"));
+  EXPECT_THAT(error_of("[body]\nup = [0, 1]\n"), HasSubstr("body.up"));
+}
+
+TEST(ConfigIo, WhatItPrintsItReads) {
+  Config config;
+  ASSERT_TRUE(set_key(config, "frame.budget_us=12345"));
+  ASSERT_TRUE(set_key(config, "input.source=tum:/data/with \"quotes\""));
+  ASSERT_TRUE(set_key(config, "body.up=[0, -1, 0]"));
+  const std::string text = print_config(config);
+  const auto back = parse_config(text, "printed");
+  ASSERT_TRUE(back) << back.error();
+  EXPECT_EQ(print_config(*back), text);
+  EXPECT_EQ(back->input.source, "tum:/data/with \"quotes\"");
+}
+
+TEST(ConfigIo, SetSaysWhatIsWrong) {
+  Config config;
+  EXPECT_THAT(set_key(config, "frame.budget_us").error(), HasSubstr("key=value"));
+  EXPECT_THAT(set_key(config, "frame.budget=1").error(), HasSubstr("unknown key"));
+  EXPECT_THAT(set_key(config, "=1").error(), HasSubstr("--set"));
+}
+
+}  // namespace
+}  // namespace maplet::daemon
