@@ -46,26 +46,32 @@ class Sensor {
   [[nodiscard]] NoiseModel noise_model() const noexcept;
 
  private:
+  /// One row of raw draws (one more column than the image), and one of what they come to.
+  struct Draws {
+    std::vector<std::uint16_t> disparity, across, down, dice;
+  };
+  struct Noise {
+    std::vector<float> disparity, across, down;  ///< units, px, px
+  };
+
   void measure_exact(const Raster& raster, std::uint16_t* depth_mm, std::uint16_t* label) noexcept;
-  void draw_noise_row(int v, std::uint64_t key, std::vector<std::uint16_t>& disparity,
-                      std::vector<std::uint16_t>& across,
-                      std::vector<std::uint16_t>& down) noexcept;
+  void draw_row(int v, std::uint64_t key, Draws& draws) noexcept;
+  void make_noise() noexcept;
   void find_shadow(const float* inverse) noexcept;
-  void measure_row(const Raster& raster, int v, std::uint64_t key, std::uint16_t* depth_mm,
+  [[nodiscard]] bool misses(const float* inverse, int u, int v, float w,
+                            float distance) const noexcept;
+  void measure_row(const Raster& raster, int v, std::uint16_t* depth_mm,
                    std::uint16_t* label) noexcept;
 
-  const World* world_;
   CameraModel camera_;
   SimOptions options_;
   std::uint64_t key_;
-  float units_m_;       ///< disparity units of 1/8 px: D = units_m / Z
-  float disparity_sd_;  ///< of the noise before quantisation, units
+  std::vector<std::uint16_t> plane_of_;  ///< by surface
+  float units_m_;                        ///< disparity units of 1/8 px: D = units_m / Z
+  float disparity_sd_;                   ///< of the noise before quantisation, units
   float shift_sd_px_;
-  bool smooth_;  ///< noise averaged over 2 x 2 pixels
-  struct Noise {
-    std::vector<std::uint16_t> disparity, across, down;
-  };
-  Noise now_, above_;
+  Draws now_, above_;
+  Noise noise_;
   std::vector<float> ray_x2_, ray_y2_;  ///< squared ray slopes, for the angle of incidence
   std::vector<std::uint8_t> shadow_;    ///< of one row
 };

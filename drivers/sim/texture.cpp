@@ -12,8 +12,13 @@ namespace {
 
 constexpr float kTexelM = 0.004F;
 constexpr float kCoarse = 1.0F / 4.7F;  // the second layer's scale
-constexpr double kContrast = 70.0;      // gray levels of a tile's full swing
-constexpr double kPixelNoise = 1.5;     // gray levels
+constexpr float kContrast = 90.0F;      // tile levels of a full swing
+constexpr float kPixelNoise = 1.5F;     // gray levels
+
+int four_bytes(std::uint64_t word) noexcept {
+  return static_cast<int>((word & 0xff) + ((word >> 8) & 0xff) + ((word >> 16) & 0xff) +
+                          ((word >> 24) & 0xff));
+}
 
 /// Floor of the binary logarithm of x > 0.
 int exponent(float x) noexcept {
@@ -79,21 +84,22 @@ class Octaves {
 
 /// Calls paint(x, y) for each texel, x and y in [0, 1).
 template <class Paint>
-void fill(std::vector<float>& texels, int side, float scale, Paint paint) {
+void fill(std::vector<std::uint8_t>& texels, int side, Paint paint) {
   texels.resize(static_cast<std::size_t>(side * side));
   std::size_t i = 0;
   for (int y = 0; y < side; ++y) {
     for (int x = 0; x < side; ++x) {
-      texels[i++] = scale * paint(static_cast<float>(x) / static_cast<float>(side),
-                                  static_cast<float>(y) / static_cast<float>(side));
+      const float value = paint(static_cast<float>(x) / static_cast<float>(side),
+                                static_cast<float>(y) / static_cast<float>(side));
+      texels[i++] = static_cast<std::uint8_t>(std::clamp(128.5F + kContrast * value, 0.0F, 255.0F));
     }
   }
 }
 
-void fill_floor_tiles(std::vector<float>& texels, int side, float scale, std::uint64_t seed) {
+void fill_floor_tiles(std::vector<std::uint8_t>& texels, int side, std::uint64_t seed) {
   const Octaves cloud{seed, 16, 4, 1};
   constexpr int kTiles = 5;
-  fill(texels, side, scale, [&](float x, float y) {
+  fill(texels, side, [&](float x, float y) {
     const float tx = x * kTiles;
     const float ty = y * kTiles;
     const auto cell =
@@ -105,35 +111,35 @@ void fill_floor_tiles(std::vector<float>& texels, int side, float scale, std::ui
   });
 }
 
-void fill_texels(Material material, std::vector<float>& texels, int side, float scale,
+void fill_texels(Material material, std::vector<std::uint8_t>& texels, int side,
                  std::uint64_t seed) {
   switch (material) {
     case Material::kPlaster: {
       const Octaves cloud{seed, 4, 6, 1};
-      return fill(texels, side, scale, [&](float x, float y) { return 0.35F * cloud.at(x, y); });
+      return fill(texels, side, [&](float x, float y) { return 0.35F * cloud.at(x, y); });
     }
     case Material::kWallpaper: {
       const Octaves cloud{seed, 4, 5, 1};
       const Lattice print{seed ^ 0x9a9e, 24, 24};
-      return fill(texels, side, scale, [&](float x, float y) {
+      return fill(texels, side, [&](float x, float y) {
         const float at = print.at(x, y);
         return 0.3F * cloud.at(x, y) + (at > 0.35F ? 0.35F : at < -0.5F ? -0.3F : 0.0F);
       });
     }
     case Material::kCarpet: {
       const Octaves cloud{seed, 8, 6, 1};
-      return fill(texels, side, scale, [&](float x, float y) { return 0.9F * cloud.at(x, y); });
+      return fill(texels, side, [&](float x, float y) { return 0.9F * cloud.at(x, y); });
     }
     case Material::kTiles:
-      return fill_floor_tiles(texels, side, scale, seed);
+      return fill_floor_tiles(texels, side, seed);
     case Material::kWood: {
       const Octaves grain{seed, 2, 5, 6};
-      return fill(texels, side, scale, [&](float x, float y) { return 0.7F * grain.at(x, y); });
+      return fill(texels, side, [&](float x, float y) { return 0.7F * grain.at(x, y); });
     }
     case Material::kCardboard: {
       const Octaves cloud{seed, 6, 5, 1};
       const Lattice print{seed ^ 0xca2d, 12, 12};
-      return fill(texels, side, scale, [&](float x, float y) {
+      return fill(texels, side, [&](float x, float y) {
         return 0.5F * cloud.at(x, y) + (print.at(x, y) > 0.55F ? -0.45F : 0.0F);
       });
     }
@@ -161,12 +167,12 @@ Painter::Painter(const World& world, const CameraModel& camera, const SimOptions
                       static_cast<float>(225.0 * static_cast<double>(s.albedo) * lit),
                       &tiles_[static_cast<std::size_t>(s.material)]});
   }
+  layouts_.resize(coats_.size());
   row_.resize(static_cast<std::size_t>(camera.width_px));
 }
 
 void Painter::make_tile(Material material, std::uint64_t seed, Tile& tile) {
-  fill_texels(material, tile.levels[0], kTilePx, static_cast<float>(kContrast * options_.texture),
-              seed);
+  fill_texels(material, tile.levels[0], kTilePx, seed);
   for (int level = 1; level < kLevels; ++level) {
     const int side = kTilePx >> level;
     const auto& fine = tile.levels[static_cast<std::size_t>(level) - 1];
@@ -174,9 +180,9 @@ void Painter::make_tile(Material material, std::uint64_t seed, Tile& tile) {
     coarse.resize(static_cast<std::size_t>(side * side));
     for (int y = 0; y < side; ++y) {
       for (int x = 0; x < side; ++x) {
-        const float* p = fine.data() + (2 * y) * (2 * side) + 2 * x;
+        const std::uint8_t* p = fine.data() + (2 * y) * (2 * side) + 2 * x;
         coarse[static_cast<std::size_t>(y * side + x)] =
-            0.25F * (p[0] + p[1] + p[2 * side] + p[2 * side + 1]);
+            static_cast<std::uint8_t>((p[0] + p[1] + p[2 * side] + p[2 * side + 1] + 2) / 4);
       }
     }
   }
@@ -193,49 +199,66 @@ float Painter::sample(const Tile& tile, int level, float x_m, float y_m) noexcep
   const float fx = x - static_cast<float>(ix);
   const float fy = y - static_cast<float>(iy);
   const int mask = side - 1;
-  const float* pixels = tile.levels[static_cast<std::size_t>(level)].data();
-  const float* above = pixels + (iy & mask) * side;
-  const float* below = pixels + ((iy + 1) & mask) * side;
+  const std::uint8_t* pixels = tile.levels[static_cast<std::size_t>(level)].data();
+  const std::uint8_t* above = pixels + (iy & mask) * side;
+  const std::uint8_t* below = pixels + ((iy + 1) & mask) * side;
   const int x0 = ix & mask;
   const int x1 = (ix + 1) & mask;
-  return (1 - fy) * ((1 - fx) * above[x0] + fx * above[x1]) +
-         fy * ((1 - fx) * below[x0] + fx * below[x1]);
+  const auto a = static_cast<float>(above[x0]);
+  const auto b = static_cast<float>(below[x0]);
+  const float top = a + fx * (static_cast<float>(above[x1]) - a);
+  const float bottom = b + fx * (static_cast<float>(below[x1]) - b);
+  return top + fy * (bottom - top) - 128.0F;
 }
 
-void Painter::paint_run(std::int32_t surface, const Se3& T_world_camera, int v, int begin, int end,
-                        const float* inverse, float* out) const noexcept {
-  const Surface& s = world_->surfaces[static_cast<std::size_t>(surface)];
+void Painter::lay_out(const Se3& T_world_camera) noexcept {
+  const Eigen::Matrix3d R = T_world_camera.rotation();
+  for (std::size_t i = 0; i < layouts_.size(); ++i) {
+    const Surface& s = world_->surfaces[i];
+    const Eigen::Vector3d from_corner = T_world_camera.t - s.corner;
+    const auto line = [&](const Eigen::Vector3d& edge, float offset, float* out) {
+      const Eigen::Vector3d e = edge.normalized();
+      const Eigen::Vector3d in_camera = R.transpose() * e;
+      const double a = in_camera.x() / camera_.fx_px;
+      const double b = in_camera.y() / camera_.fy_px;
+      out[0] = static_cast<float>(a);
+      out[1] = static_cast<float>(b);
+      out[2] = static_cast<float>(in_camera.z() - a * camera_.cx_px - b * camera_.cy_px);
+      out[3] = static_cast<float>(e.dot(from_corner)) + offset;
+    };
+    line(s.along, coats_[i].along0, &layouts_[i].ax);
+    line(s.across, coats_[i].across0, &layouts_[i].ay);
+  }
+}
+
+void Painter::paint_run(std::int32_t surface, int v, int begin, int end, const float* inverse,
+                        float* out) const noexcept {
   const Coat& coat = coats_[static_cast<std::size_t>(surface)];
-  const Eigen::Vector3d ex = T_world_camera.q.conjugate() * s.along.normalized();
-  const Eigen::Vector3d ey = T_world_camera.q.conjugate() * s.across.normalized();
-  const Eigen::Vector3d from_corner = T_world_camera.t - s.corner;
-  const Eigen::Vector3d ray0 = camera_.ray(0.0, v);
-  const auto x0 = static_cast<float>(ex.dot(ray0));
-  const auto y0 = static_cast<float>(ey.dot(ray0));
-  const auto dx = static_cast<float>(ex.x() / camera_.fx_px);
-  const auto dy = static_cast<float>(ey.x() / camera_.fx_px);
-  const float ox =
-      static_cast<float>(from_corner.dot(s.along.normalized())) + coat.along0 + kTexelM;
-  const float oy =
-      static_cast<float>(from_corner.dot(s.across.normalized())) + coat.across0 + kTexelM;
-  const float texels_m = 1.0F / (static_cast<float>(camera_.fx_px) * kTexelM);
+  const Layout& at = layouts_[static_cast<std::size_t>(surface)];
+  const float x0 = at.bx * static_cast<float>(v) + at.cx;
+  const float y0 = at.by * static_cast<float>(v) + at.cy;
+  const float texels_m = 1.4F / (static_cast<float>(camera_.fx_px) * kTexelM);
+  const auto contrast = static_cast<float>(options_.texture);
   for (int u = begin; u < end; ++u) {
     const float z = 1.0F / inverse[u];
-    const float x = (x0 + dx * static_cast<float>(u)) * z + ox;
-    const float y = (y0 + dy * static_cast<float>(u)) * z + oy;
+    const float x = (x0 + at.ax * static_cast<float>(u)) * z + at.dx;
+    const float y = (y0 + at.ay * static_cast<float>(u)) * z + at.dy;
     // The level whose texel is about a pixel wide, and the coarse layer's.
-    const int level = std::clamp(exponent(z * texels_m * 1.4F), 0, kLevels - 1);
-    out[u] = coat.shade + 0.6F * sample(*coat.tile, level, x, y) +
-             0.7F * sample(*coat.tile, std::max(0, level - 2), y * kCoarse + 3.0F, x * kCoarse);
+    const int level = std::clamp(exponent(z * texels_m), 0, kLevels - 1);
+    const float fine = sample(*coat.tile, level, x, y);
+    const float coarse =
+        sample(*coat.tile, std::max(0, level - 2), y * kCoarse + 3.0F, x * kCoarse);
+    out[u] = coat.shade + contrast * (0.5F * fine + 0.6F * coarse);
   }
 }
 
 void Painter::paint(const Raster& raster, const Se3& T_world_camera, std::uint64_t frame,
                     std::uint8_t* gray) noexcept {
+  lay_out(T_world_camera);
   const int width = camera_.width_px;
   const std::uint64_t key = mix(mix(static_cast<std::uint64_t>(options_.seed), 0x92a1),
                                 frame * 256 + static_cast<std::uint64_t>(options_.agent));
-  const float noise = options_.noise > 0.0 ? static_cast<float>(kPixelNoise / 147.8) : 0.0F;
+  const float noise = options_.noise > 0.0 ? kPixelNoise / 147.8F : 0.0F;
   for (int v = 0; v < camera_.height_px; ++v) {
     const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(v) * width;
     const std::int32_t* surface = raster.surface() + row;
@@ -245,17 +268,18 @@ void Painter::paint(const Raster& raster, const Se3& T_world_camera, std::uint64
       if (surface[begin] < 0) {
         std::fill(row_.begin() + begin, row_.begin() + end, 0.0F);
       } else {
-        paint_run(surface[begin], T_world_camera, v, begin, end, raster.inverse_depth() + row,
-                  row_.data());
+        paint_run(surface[begin], v, begin, end, raster.inverse_depth() + row, row_.data());
       }
       begin = end;
     }
-    for (int u = 0; u < width; ++u) {
+    for (int u = 0; u < width; u += 2) {
       const std::uint64_t dice = mix(key + static_cast<std::uint64_t>(row + u));
-      const auto sum = static_cast<float>((dice & 0xff) + ((dice >> 8) & 0xff) +
-                                          ((dice >> 16) & 0xff) + ((dice >> 24) & 0xff));
-      const float value = row_[static_cast<std::size_t>(u)] + noise * (sum - 510.0F);
-      gray[row + u] = static_cast<std::uint8_t>(std::clamp(value + 0.5F, 0.0F, 255.0F));
+      for (int k = 0; k < 2; ++k) {
+        const float grain = noise * (static_cast<float>(four_bytes(dice >> (32 * k))) - 510.0F);
+        const float value = row_[static_cast<std::size_t>(u + k)] + grain;
+        gray[row + u + k] =
+            static_cast<std::uint8_t>(static_cast<int>(std::clamp(value + 0.5F, 0.0F, 255.0F)));
+      }
     }
   }
 }

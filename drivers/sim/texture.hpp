@@ -27,27 +27,34 @@ class Painter {
   static constexpr int kLevels = 8;
   static constexpr int kTilePx = 512;
 
-  /// A square that repeats, contrast about 0, and its halvings.
+  /// A square that repeats, contrast about 128, and its halvings.
   struct Tile {
-    std::array<std::vector<float>, kLevels> levels;
+    std::array<std::vector<std::uint8_t>, kLevels> levels;
   };
-  /// Where a surface's texture lies, and its light.
+  /// What a surface is painted with.
   struct Coat {
-    float along0, across0;  ///< offset, m
+    float along0, across0;  ///< where its texture begins, m
     float shade;            ///< gray without texture
     const Tile* tile;
   };
+  /// Where pixel (u, v) lies on a surface, m along its edges: (a u + b v + c) Z + d.
+  struct Layout {
+    float ax, bx, cx, dx;
+    float ay, by, cy, dy;
+  };
 
   void make_tile(Material material, std::uint64_t seed, Tile& tile);
+  void lay_out(const Se3& T_world_camera) noexcept;
   [[nodiscard]] static float sample(const Tile& tile, int level, float x_m, float y_m) noexcept;
-  void paint_run(std::int32_t surface, const Se3& T_world_camera, int v, int begin, int end,
-                 const float* inverse, float* out) const noexcept;
+  void paint_run(std::int32_t surface, int v, int begin, int end, const float* inverse,
+                 float* out) const noexcept;
 
   const World* world_;
   CameraModel camera_;
   SimOptions options_;
   std::vector<Tile> tiles_;
   std::vector<Coat> coats_;
+  std::vector<Layout> layouts_;
   std::vector<float> row_;
 };
 
