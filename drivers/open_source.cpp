@@ -33,7 +33,7 @@ OpenedSource open_tum(const Uri& uri, const SourceOptions& options) {
 
 OpenedSource open_simulator(const Uri& uri, const SourceOptions& options) {
   auto parameters = uri.parameters;
-  if (!options.gray) parameters["gray"] = "0";
+  if (!options.gray) parameters.insert_or_assign("gray", std::string{"0"});
   auto source = open_sim(uri.path, parameters);
   if (!source) return source_error(Kind::kUsage, source.error());
   return std::move(*source);
