@@ -17,6 +17,12 @@ struct RegistrationConfig {
   double uneven_m = 0.008;
   double uneven_rad = 0.012;
   double free_sigma_m = 0.15;
+  int accept_matches = 5;
+  double accept_overlap = 0.3;
+  double accept_chi2_per_dof = 2.0;
+  double accept_conflict = 0.05;
+  double reject_chi2_per_dof = 6.0;
+  double reject_conflict = 0.2;
 
   static constexpr Field<RegistrationConfig> kFields[] = {
       {"gate_m", &RegistrationConfig::gate_m, 0.01, 5.0,
@@ -38,6 +44,18 @@ struct RegistrationConfig {
       {"uneven_rad", &RegistrationConfig::uneven_rad, 0.0, 0.5, "The same for their direction"},
       {"free_sigma_m", &RegistrationConfig::free_sigma_m, 0.001, 10.0,
        "A direction known worse than this counts as free"},
+      {"accept_matches", &RegistrationConfig::accept_matches, 3, 50,
+       "A closure needs this many pairs of planes"},
+      {"accept_overlap", &RegistrationConfig::accept_overlap, 0.0, 1.0,
+       "A closure needs this share of the smaller maplet's area on pairs"},
+      {"accept_chi2_per_dof", &RegistrationConfig::accept_chi2_per_dof, 0.1, 100.0,
+       "A closure's planes must fit at least this well"},
+      {"accept_conflict", &RegistrationConfig::accept_conflict, 0.0, 1.0,
+       "Share of one maplet's lines of sight that the other may block in a closure"},
+      {"reject_chi2_per_dof", &RegistrationConfig::reject_chi2_per_dof, 0.1, 1000.0,
+       "Planes that fit worse show two places"},
+      {"reject_conflict", &RegistrationConfig::reject_conflict, 0.0, 1.0,
+       "With more of the lines of sight blocked they are two places"},
   };
 };
 

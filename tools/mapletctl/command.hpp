@@ -19,6 +19,9 @@ class Failure : public std::runtime_error {
 // Each command lives in a file of its own and adds itself to the command line.
 void add_draw(CLI::App& app);
 void add_eval(CLI::App& app);
+void add_export(CLI::App& app);
+void add_register(CLI::App& app);
+void add_show(CLI::App& app);
 void add_simulate(CLI::App& app);
 void add_solve(CLI::App& app);
 void add_version(CLI::App& app);

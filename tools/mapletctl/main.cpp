@@ -10,6 +10,9 @@ int main(int argc, char** argv) {
   app.require_subcommand(1);
   add_draw(app);
   add_eval(app);
+  add_export(app);
+  add_register(app);
+  add_show(app);
   add_simulate(app);
   add_solve(app);
   add_version(app);

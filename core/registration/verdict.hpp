@@ -1,0 +1,70 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <string_view>
+
+#include "core/registration/icap.hpp"
+
+namespace maplet {
+
+/// Whether two maplets show the same place. A false closure costs more than a missed one: accept
+/// needs every test, reject a clear contradiction, the rest stays undecided.
+enum class Verdict : std::uint8_t { kReject, kUndecided, kAccept };
+
+[[nodiscard]] constexpr std::string_view to_string(Verdict verdict) noexcept {
+  switch (verdict) {
+    case Verdict::kReject:
+      return "reject";
+    case Verdict::kUndecided:
+      return "undecided";
+    case Verdict::kAccept:
+      return "accept";
+  }
+  return "?";
+}
+
+struct Judgement {
+  Verdict verdict = Verdict::kUndecided;
+  std::string_view reason;  ///< a literal
+};
+
+/// A pair of maplets, aligned and judged. Without an alignment the verdict is reject.
+struct Closure {
+  Judgement judgement;
+  bool aligned = false;
+  MapletAlignment alignment;
+  double conflict = 0.0;  ///< share of looked-through lines that the other's surfaces block
+};
+
+/// Verifies that two maplets show the same place.
+///
+/// Memory   an Icap (~300 KB) inside the object
+/// Time     one alignment, its free-space check and up to kAlternatives alignments more; stops
+///          between them at the deadline, undecided
+/// Threads  one caller at a time
+/// Math     docs/math/icap.md, section 6
+class Verifier {
+ public:
+  explicit Verifier(const RegistrationConfig& config) noexcept : config_{config}, icap_{config} {}
+
+  /// @param guess  within gate_m, gate_rad of the truth, if the two overlap at all
+  [[nodiscard]] Closure verify(const Maplet& a, const Maplet& b,
+                               const Transform<MapletA, MapletB>& guess, double gate_m,
+                               double gate_rad, Deadline deadline) noexcept;
+
+ private:
+  [[nodiscard]] Judgement judge(const Maplet& a, const Maplet& b, Closure& closure, double gate_m,
+                                double gate_rad, Deadline deadline) noexcept;
+  [[nodiscard]] bool ambiguous(const Maplet& a, const Maplet& b, const MapletAlignment& best,
+                               double gate_m, double gate_rad, Deadline deadline,
+                               bool& in_time) noexcept;
+
+  RegistrationConfig config_;
+  Icap icap_;
+};
+
+/// Share of a's lines of sight (camera to surface) that b's surfaces would block.
+[[nodiscard]] double blocked_sight(const Maplet& a, const Maplet& b, const Se3& T_a_b) noexcept;
+
+}  // namespace maplet

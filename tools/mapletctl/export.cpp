@@ -1,0 +1,105 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#include <fmt/core.h>
+
+#include <filesystem>
+#include <fstream>
+#include <memory>
+
+#include "tools/files/maplet_file.hpp"
+#include "tools/files/ply.hpp"
+#include "tools/files/run_folder.hpp"
+#include "tools/mapletctl/command.hpp"
+
+namespace maplet::ctl {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Options {
+  std::string input;
+  std::string ply, g2o, tum;
+};
+
+void export_ply(const Options& options) {
+  files::PlyMesh mesh;
+  if (fs::is_directory(options.input)) {
+    for (const files::RunMaplet& m : files::read_run(options.input).maplets) {
+      for (const files::Surface& surface : m.surfaces) {
+        mesh.add(files::moved(m.T_world_maplet.se3, surface), files::colour_of(m.id, surface));
+      }
+    }
+  } else {
+    const auto maplet = files::read_maplet(options.input);
+    for (const files::Surface& surface : files::surfaces_of(*maplet)) {
+      mesh.add(surface, files::colour_of(maplet->key.id, surface));
+    }
+  }
+  mesh.write(options.ply);
+}
+
+std::string tum_line(Stamp stamp, const Se3& T) {
+  const auto ns = stamp.count();
+  return fmt::format("{}.{:09d} {:.6f} {:.6f} {:.6f} {:.7f} {:.7f} {:.7f} {:.7f}\n",
+                     ns / 1'000'000'000, std::abs(ns % 1'000'000'000), T.t.x(), T.t.y(), T.t.z(),
+                     T.q.x(), T.q.y(), T.q.z(), T.q.w());
+}
+
+void write_text(const std::string& file, const std::string& text) {
+  std::ofstream out{file, std::ios::binary};
+  out << text;
+  out.close();
+  if (!out) throw Failure{fmt::format("cannot write {}", file)};
+}
+
+void copy_of_run(const Options& options, const char* name, const std::string& to) {
+  const fs::path from = fs::path{options.input} / name;
+  std::ifstream in{from, std::ios::binary};
+  if (!in)
+    throw Failure{fmt::format("{} is not there: give a folder of mapletd --out", from.string())};
+  write_text(to, {std::istreambuf_iterator<char>{in}, {}});
+}
+
+void run(const Options& options) {
+  if (options.ply.empty() && options.g2o.empty() && options.tum.empty()) {
+    throw Failure{"export: say what to write: --ply, --g2o or --tum FILE", 2};
+  }
+  const bool folder = fs::is_directory(options.input);
+  if (!options.ply.empty()) export_ply(options);
+  if (!options.g2o.empty()) {
+    if (!folder) throw Failure{"export --g2o needs a folder: one maplet has no skeleton", 2};
+    copy_of_run(options, "skeleton.g2o", options.g2o);
+  }
+  if (options.tum.empty()) return;
+  if (folder) {
+    copy_of_run(options, "trajectory.tum", options.tum);
+    return;
+  }
+  std::string text;
+  const auto maplet = files::read_maplet(options.input);
+  for (const MapletKeyframe& k : maplet->keyframes) {
+    text += tum_line(k.stamp, k.T_maplet_camera.se3);
+  }
+  write_text(options.tum, text);
+}
+
+}  // namespace
+
+void add_export(CLI::App& app) {
+  auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand(
+      "export", "Writes a run or a maplet for other programs: meshes, pose graphs, trajectories");
+  command->add_option("input", options->input, "Folder of mapletd --out, or NNNN.maplet")
+      ->required()
+      ->check(CLI::ExistingPath)
+      ->type_name("DIR|FILE");
+  command->add_option("--ply", options->ply, "Coloured quads: what was seen of each plane")
+      ->type_name("FILE");
+  command->add_option("--g2o", options->g2o, "The skeleton (folders only)")->type_name("FILE");
+  command
+      ->add_option("--tum", options->tum,
+                   "The camera's trajectory; of a maplet its keyframes, in its own frame")
+      ->type_name("FILE");
+  command->callback([options] { run(*options); });
+}
+
+}  // namespace maplet::ctl

@@ -1,0 +1,150 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#include <fmt/core.h>
+#include <time.h>
+
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "core/registration/verdict.hpp"
+#include "tools/files/maplet_file.hpp"
+#include "tools/mapletctl/command.hpp"
+
+namespace maplet::ctl {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+struct Options {
+  std::string a, b;
+  std::vector<double> guess;
+  double budget_us = 0.0;
+  bool json = false;
+};
+
+double cpu_us() {
+  timespec t{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+  return static_cast<double>(t.tv_sec) * 1e6 + static_cast<double>(t.tv_nsec) * 1e-3;
+}
+
+Se3 parse_guess(const std::vector<double>& g) {
+  Se3 T{Eigen::Quaterniond{g[6], g[3], g[4], g[5]}, {g[0], g[1], g[2]}};
+  if (!(std::abs(T.q.norm() - 1.0) < 0.01) || !T.t.allFinite()) {
+    throw Failure{"--guess: x,y,z,qx,qy,qz,qw needs finite numbers and a unit quaternion", 2};
+  }
+  T.q.normalize();
+  return T;
+}
+
+// Maplets of one path share keyframes: their stamps tell.
+bool shared_keyframe(const Maplet& a, const Maplet& b, Se3& T_a_b) {
+  if (a.key.agent != b.key.agent || a.key.epoch != b.key.epoch) return false;
+  for (const MapletKeyframe& ka : a.keyframes) {
+    for (const MapletKeyframe& kb : b.keyframes) {
+      if (ka.stamp != kb.stamp) continue;
+      T_a_b = ka.T_maplet_camera.se3 * kb.T_maplet_camera.se3.inverse();
+      return true;
+    }
+  }
+  return false;
+}
+
+Json vector_json(const double* values, int count) {
+  Json out = Json::array();
+  for (int i = 0; i < count; ++i) out.push_back(values[i]);
+  return out;
+}
+
+Json to_json(const Closure& c, double us) {
+  Json out{{"verdict", to_string(c.judgement.verdict)}, {"reason", c.judgement.reason}};
+  const Se3& T = c.alignment.T_a_b.se3;
+  if (c.aligned) {
+    out["T_a_b"] = {T.t.x(), T.t.y(), T.t.z(), T.q.x(), T.q.y(), T.q.z(), T.q.w()};
+    out["covariance"] = vector_json(c.alignment.covariance.data(), 36);  // symmetric
+    out["free_axes"] = Json::array();
+    for (const Vector6d& axis : c.alignment.free_axes) {
+      out["free_axes"].push_back(vector_json(axis.data(), 6));
+    }
+  } else {
+    out["T_a_b"] = nullptr;
+    out["covariance"] = nullptr;
+    out["free_axes"] = nullptr;
+  }
+  out["matches"] = c.alignment.matches;
+  out["overlap"] = c.alignment.overlap;
+  out["iterations"] = c.alignment.iterations;
+  out["stop"] = to_string(c.alignment.stop);
+  out["us"] = us;
+  out["chi2_per_dof"] = c.alignment.chi2_per_dof;
+  out["conflict"] = c.conflict;
+  return out;
+}
+
+void print_table(const Closure& c, double us) {
+  fmt::print("{}: {}\n", to_string(c.judgement.verdict), c.judgement.reason);
+  if (!c.aligned) return;
+  const Se3& T = c.alignment.T_a_b.se3;
+  const Vector6d sigma = c.alignment.covariance.diagonal().cwiseSqrt();
+  fmt::print("T_a_b     {:.4f} {:.4f} {:.4f} m, turned by {:.3f} deg\n", T.t.x(), T.t.y(), T.t.z(),
+             T.angle() * 57.29577951308232);
+  fmt::print("sigma     {:.1f} {:.1f} {:.1f} mm, {:.2f} {:.2f} {:.2f} mrad, {} axes free\n",
+             sigma[0] * 1e3, sigma[1] * 1e3, sigma[2] * 1e3, sigma[3] * 1e3, sigma[4] * 1e3,
+             sigma[5] * 1e3, c.alignment.free_axes.size());
+  fmt::print("planes    {} pairs on {:.0f} % of the smaller area, chi2/dof {:.2f}\n",
+             c.alignment.matches, 100.0 * c.alignment.overlap, c.alignment.chi2_per_dof);
+  fmt::print("stopped   {} after {} iterations, {:.0f} us\n", to_string(c.alignment.stop),
+             c.alignment.iterations, us);
+}
+
+void run(const Options& options) {
+  const auto a = files::read_maplet(options.a);
+  const auto b = files::read_maplet(options.b);
+  Se3 guess;
+  const RegistrationConfig config;
+  double gate_m = config.gate_m;
+  double gate_rad = config.gate_rad;
+  if (!options.guess.empty()) {
+    guess = parse_guess(options.guess);
+  } else if (shared_keyframe(*a, *b, guess)) {
+    gate_m = config.link_gate_m;
+    gate_rad = config.link_gate_rad;
+  }
+  const MonotonicClock clock;
+  const auto verifier = std::make_unique<Verifier>(config);
+  const double before = cpu_us();
+  const Deadline deadline =
+      options.budget_us > 0.0
+          ? Deadline{clock, Duration{static_cast<std::int64_t>(options.budget_us * 1e3)}}
+          : Deadline::never();
+  const Closure closure =
+      verifier->verify(*a, *b, Transform<MapletA, MapletB>{guess}, gate_m, gate_rad, deadline);
+  const double us = cpu_us() - before;
+  if (options.json) {
+    fmt::print("{}\n", to_json(closure, us).dump());
+  } else {
+    print_table(closure, us);
+  }
+}
+
+}  // namespace
+
+void add_register(CLI::App& app) {
+  auto options = std::make_shared<Options>();
+  CLI::App* command = app.add_subcommand(
+      "register", "Aligns two maplets by their planes and says how sure that is");
+  command->add_option("a", options->a, "NNNN.maplet")->required()->type_name("A");
+  command->add_option("b", options->b, "NNNN.maplet")->required()->type_name("B");
+  command
+      ->add_option("--guess", options->guess,
+                   "T_a_b = x,y,z,qx,qy,qz,qw; default: a keyframe that both hold, else the same "
+                   "place")
+      ->delimiter(',')
+      ->expected(7)
+      ->type_name("POSE");
+  command->add_option("--budget-us", options->budget_us, "Stop after this time; 0 = when done")
+      ->check(CLI::NonNegativeNumber);
+  command->add_flag("--json", options->json, "One line of JSON");
+  command->callback([options] { run(*options); });
+}
+
+}  // namespace maplet::ctl
