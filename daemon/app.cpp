@@ -292,19 +292,14 @@ void App::publish_status(StatusRecord::State state) {
 }
 
 bool App::draw() {
-  const std::string folder = output_->folder().string();
-  std::vector<std::string> draw{"draw", folder};
+  std::vector<std::string> arguments{"draw", output_->folder().string()};
   if (const auto& up = config_.body.up) {
-    draw.insert(draw.end(), {"--up", fmt::format("{},{},{}", (*up)[0], (*up)[1], (*up)[2])});
+    arguments.insert(arguments.end(),
+                     {"--up", fmt::format("{},{},{}", (*up)[0], (*up)[1], (*up)[2])});
   }
-  for (const auto& arguments :
-       {draw, std::vector<std::string>{"export", folder, "--ply", folder + "/map.ply"}}) {
-    if (const std::string problem = call_mapletctl(arguments); !problem.empty()) {
-      log_error(problem);
-      return false;
-    }
-  }
-  return true;
+  const std::string problem = call_mapletctl(arguments);
+  if (!problem.empty()) log_error(problem);
+  return problem.empty();
 }
 
 bool App::write_report() {

@@ -1,9 +1,11 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #include "daemon/mapletctl_call.hpp"
 
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <spawn.h>
 #include <sys/wait.h>
+#include <unistd.h>
 
 #include <cstring>
 #include <filesystem>
@@ -30,8 +32,14 @@ std::string call_mapletctl(const std::vector<std::string>& arguments) {
   for (std::string& word : words) argv.push_back(word.data());
   argv.push_back(nullptr);
 
+  // What it has to say on success is not the daemon's output.
+  posix_spawn_file_actions_t quiet;
+  posix_spawn_file_actions_init(&quiet);
+  posix_spawn_file_actions_addopen(&quiet, STDOUT_FILENO, "/dev/null", O_WRONLY, 0);
   pid_t child = 0;
-  if (const int error = posix_spawnp(&child, argv[0], nullptr, nullptr, argv.data(), environ)) {
+  const int error = posix_spawnp(&child, argv[0], &quiet, nullptr, argv.data(), environ);
+  posix_spawn_file_actions_destroy(&quiet);
+  if (error != 0) {
     return fmt::format("{} did not start ({}); install it beside mapletd", words[0],
                        std::strerror(error));
   }
