@@ -43,6 +43,7 @@ class SimSource final : public DepthSource {
     return T_world_camera_;
   }
   [[nodiscard]] Transform<WorldFrame, CameraFrame> pose(std::uint64_t index) const noexcept;
+  [[nodiscard]] Stamp stamp(std::uint64_t index) const noexcept;
   /// Id of the plane that each pixel's depth was read from, row-major; 0 where there is no depth.
   [[nodiscard]] std::span<const std::uint16_t> labels() const noexcept { return labels_; }
   /// The world's planes: id - 1 is the index; world frame, n on the side that is seen.
@@ -58,7 +59,6 @@ class SimSource final : public DepthSource {
   [[nodiscard]] const sim::Trajectory& trajectory() const noexcept { return trajectory_; }
 
  private:
-  [[nodiscard]] Stamp stamp(std::uint64_t index) const noexcept;
 
   sim::SimOptions options_;
   std::unique_ptr<const sim::World> world_;  ///< others point to it

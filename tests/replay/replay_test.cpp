@@ -63,7 +63,7 @@ TEST(Replay, AnotherSeedIsAnotherRun) {
 TEST(Replay, SimulatedLoopStaysWithinOnePercent) {
   const TempDir dir;
   const std::string world = "sim:loop?seed=11&width=320";
-  ASSERT_EQ(run({"mapletctl", "simulate", world, "--out", (dir / "truth").string(), "--poses"},
+  ASSERT_EQ(run({"mapletctl", "simulate", world, "--out", (dir / "truth").string(), "--truth-only"},
                 std::chrono::seconds{300})
                 .exit_code,
             0);

@@ -21,6 +21,7 @@ struct Options {
   std::string uri;
   std::string out;
   bool json = false;
+  bool truth_only = false;
 };
 
 /// The value, or its error as a Failure.
@@ -61,6 +62,14 @@ Json planes_seen(const SimSource& source, const DepthFrame& frame,
   return {{"frame", frame.index}, {"stamp_s", seconds(frame.stamp)}, {"planes", planes}};
 }
 
+/// groundtruth.txt alone: what `mapletd --source sim:...` is measured against.
+void write_truth(const SimSource& source, TumWriter& writer) {
+  for (std::uint64_t i = 0; i < source.length().value_or(0); ++i) {
+    check(writer.write_pose(source.stamp(i), source.pose(i).se3));
+  }
+  check(writer.finish());
+}
+
 void run(const Options& options) {
   const auto source = open(options.uri);
   RecordedCamera camera;
@@ -70,6 +79,7 @@ void run(const Options& options) {
   camera.rate_hz = source->options().rate_hz;
   auto writer =
       unwrap(TumWriter::create(options.out, camera, fmt::format("simulate {}", options.uri)));
+  if (options.truth_only) return write_truth(*source, writer);
   const auto planes_file = std::filesystem::path{options.out} / "planes.jsonl";
   std::ofstream planes{planes_file};
 
@@ -120,6 +130,7 @@ void add_simulate(CLI::App& app) {
       ->required()
       ->type_name("URI");
   command->add_option("--out", options->out, "Folder to write to")->required()->type_name("DIR");
+  command->add_flag("--truth-only", options->truth_only, "Only groundtruth.txt, no images");
   command->add_flag("--json", options->json, "One line of JSON");
   command->callback([options] { run(*options); });
 }
