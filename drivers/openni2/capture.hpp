@@ -24,8 +24,7 @@ class Capture final : public DepthSource {
   static constexpr Duration kGrayTolerance = std::chrono::milliseconds{20};
 
   /// @param uri  of a camera, or the absolute path of a recording
-  Capture(std::unique_ptr<Runtime> runtime, std::string uri, bool recording,
-          const SourceOptions& options);
+  Capture(std::string uri, bool recording, const SourceOptions& options);
   ~Capture() override;
 
   /// Opens and starts it; once. After an error the object is of no use.
@@ -70,7 +69,6 @@ class Capture final : public DepthSource {
   [[nodiscard]] DepthFrame deliver() noexcept;
   [[nodiscard]] tl::unexpected<SourceError> bad(std::string what) const;
 
-  std::unique_ptr<Runtime> runtime_;  // first: goes last
   const std::string uri_;
   const bool recording_;
   const SourceOptions options_;

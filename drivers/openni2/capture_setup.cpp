@@ -16,13 +16,8 @@ constexpr float kFrameByFrame = -1.0F;
 
 }  // namespace
 
-Capture::Capture(std::unique_ptr<Runtime> runtime, std::string uri, bool recording,
-                 const SourceOptions& options)
-    : runtime_{std::move(runtime)},
-      uri_{std::move(uri)},
-      recording_{recording},
-      options_{options},
-      events_{uri_} {
+Capture::Capture(std::string uri, bool recording, const SourceOptions& options)
+    : uri_{std::move(uri)}, recording_{recording}, options_{options}, events_{uri_} {
   frame_.noise = options.noise;
 }
 

@@ -62,8 +62,7 @@ OpenedSource open_openni2(const std::string& where, const SourceOptions& options
     if (!path) return tl::unexpected{path.error()};
     uri = std::move(*path);
   }
-  auto runtime = std::make_unique<openni2::Runtime>();
-  if (!runtime->good()) {
+  if (!openni2::start_runtime()) {
     return source_error(Kind::kBad, fmt::format("OpenNI2 does not start: {}; install libopenni2-0",
                                                 openni2::last_error()));
   }
@@ -72,7 +71,7 @@ OpenedSource open_openni2(const std::string& where, const SourceOptions& options
     if (!found) return tl::unexpected{found.error()};
     uri = std::move(*found);
   }
-  auto capture = std::make_unique<Capture>(std::move(runtime), std::move(uri), file, options);
+  auto capture = std::make_unique<Capture>(std::move(uri), file, options);
   if (auto opened = capture->open(); !opened) return tl::unexpected{opened.error()};
   return capture;
 }

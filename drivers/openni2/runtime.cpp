@@ -2,10 +2,16 @@
 #include "drivers/openni2/runtime.hpp"
 
 #include <algorithm>
-#include <filesystem>
+#include <string_view>
 #include <utility>
 
 namespace maplet::openni2 {
+
+bool start_runtime() noexcept {
+  static bool started = false;
+  if (!started) started = openni::OpenNI::initialize() == openni::STATUS_OK;
+  return started;
+}
 
 std::string last_error() {
   std::string text = openni::OpenNI::getExtendedError();
@@ -21,9 +27,8 @@ std::vector<std::string> camera_uris() {
   openni::OpenNI::enumerateDevices(&devices);
   std::vector<std::string> uris;
   for (int i = 0; i < devices.getSize(); ++i) {
-    const std::string uri = devices[i].getUri();
-    std::error_code ignored;
-    if (!std::filesystem::is_regular_file(uri, ignored)) uris.push_back(uri);
+    constexpr std::string_view kRecording = "oni File";  // the name that the file player gives
+    if (devices[i].getName() != kRecording) uris.emplace_back(devices[i].getUri());
   }
   return uris;
 }

@@ -10,19 +10,11 @@
 
 namespace maplet::openni2 {
 
-/// The OpenNI2 runtime, initialised as long as this lives. It counts: sources may overlap.
-class Runtime {
- public:
-  Runtime() noexcept : status_{openni::OpenNI::initialize()} {}
-  ~Runtime() { openni::OpenNI::shutdown(); }
-  Runtime(const Runtime&) = delete;
-  Runtime& operator=(const Runtime&) = delete;
-
-  [[nodiscard]] bool good() const noexcept { return status_ == openni::STATUS_OK; }
-
- private:
-  openni::Status status_;
-};
+/// Starts the OpenNI2 runtime, once for the life of the process: every start and shutdown leaks
+/// about 100 kB of its own, and a service that waits for its camera would do it again and again.
+/// Cameras that come and go meanwhile are its drivers' business.
+/// @return false when it does not start; the next call tries again
+[[nodiscard]] bool start_runtime() noexcept;
 
 /// What OpenNI2 says of the last failure, in one line; "unknown reason" when it says nothing.
 [[nodiscard]] std::string last_error();

@@ -1,0 +1,130 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#include "tests/hil/openni2_synth/synth_device.hpp"
+
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <string>
+
+namespace maplet::synth {
+
+namespace {
+
+std::unique_ptr<SimSource> open_world(const Script& script, int width_px) {
+  auto parameters = script.parameters;
+  parameters["width"] = std::to_string(width_px);
+  auto world = open_sim(script.world, parameters);
+  if (world) return std::move(*world);
+  std::fprintf(stderr, "MAPLET_SYNTH: %s\n", world.error().c_str());
+  return nullptr;
+}
+
+SynthStream::Optics optics_of(const Script& script) {
+  const auto world = open_world(script, 320);
+  const CameraModel camera = world ? world->camera() : CameraModel{320, 240, 285, 285, 160, 120};
+  return {static_cast<float>(2.0 * std::atan(0.5 * camera.width_px / camera.fx_px)),
+          static_cast<float>(2.0 * std::atan(0.5 * camera.height_px / camera.fy_px))};
+}
+
+}  // namespace
+
+SynthDevice::SynthDevice(const Script& script, std::function<void()> on_unplug)
+    : script_{script}, on_unplug_{std::move(on_unplug)} {
+  const int fps = static_cast<int>(script.rate_hz);
+  for (const int width : {320, 640}) {
+    depth_modes_.push_back({ONI_PIXEL_FORMAT_DEPTH_1_MM, width, width * 3 / 4, fps});
+    colour_modes_.push_back({ONI_PIXEL_FORMAT_RGB888, width, width * 3 / 4, fps});
+  }
+  const auto count = [](const auto& modes) { return static_cast<int>(modes.size()); };
+  if (script.depth) {
+    sensors_.push_back({ONI_SENSOR_DEPTH, count(depth_modes_), depth_modes_.data()});
+  }
+  if (script.colour) {
+    sensors_.push_back({ONI_SENSOR_COLOR, count(colour_modes_), colour_modes_.data()});
+  }
+}
+
+SynthDevice::~SynthDevice() {
+  {
+    const std::lock_guard lock{mutex_};
+    stop_ = true;
+  }
+  stopped_.notify_all();
+  if (thread_.joinable()) thread_.join();
+}
+
+OniStatus SynthDevice::getSensorInfoList(OniSensorInfo** infos, int* count) {
+  *infos = sensors_.data();
+  *count = static_cast<int>(sensors_.size());
+  return ONI_STATUS_OK;
+}
+
+oni::driver::StreamBase* SynthDevice::createStream(OniSensorType type) {
+  const bool depth = type == ONI_SENSOR_DEPTH;
+  if (!depth && type != ONI_SENSOR_COLOR) return nullptr;
+  auto* stream = new SynthStream{type, depth ? depth_modes_[0] : colour_modes_[0],
+                                 optics_of(script_), script_.mirror, [this] { start_thread(); }};
+  const std::lock_guard lock{mutex_};
+  (depth ? depth_ : colour_) = stream;
+  return stream;
+}
+
+void SynthDevice::destroyStream(oni::driver::StreamBase* stream) {
+  {
+    const std::lock_guard lock{mutex_};  // waits for a push through it
+    if (depth_ == stream) depth_ = nullptr;
+    if (colour_ == stream) colour_ = nullptr;
+  }
+  delete stream;
+}
+
+void SynthDevice::start_thread() {
+  const std::lock_guard lock{mutex_};
+  if (!thread_.joinable()) thread_ = std::thread{[this] { run(); }};
+}
+
+void SynthDevice::run() {
+  const std::chrono::duration<double> period{1.0 / script_.rate_hz};
+  std::unique_ptr<SimSource> world;
+  {
+    const std::lock_guard lock{mutex_};
+    SynthStream* any = depth_ != nullptr ? depth_ : colour_;
+    if (any != nullptr) world = open_world(script_, any->mode().resolutionX);
+  }
+  if (!world) return;
+  const auto began = std::chrono::steady_clock::now();
+  for (int i = 0;; ++i) {
+    if (script_.unplug > 0 && i == script_.unplug) return on_unplug_();
+    if (script_.silent > 0 && i == script_.silent) return;
+    const auto frame = world->next(Deadline::never());
+    if (!frame) return;
+    std::unique_lock lock{mutex_};
+    const auto due = began + i * period;
+    if (stopped_.wait_until(lock, due, [this] { return stop_; })) return;
+    const auto stamp_us = static_cast<std::uint64_t>(std::llround(i * period.count() * 1e6));
+    if (depth_ != nullptr) depth_->push(*frame, i + 1, stamp_us);
+    if (colour_ != nullptr) colour_->push(*frame, i + 1, stamp_us);
+  }
+}
+
+OniStatus SynthDevice::getProperty(int id, void* data, int* size) {
+  if (id != ONI_DEVICE_PROPERTY_IMAGE_REGISTRATION) return ONI_STATUS_NOT_SUPPORTED;
+  return answer(registration_, data, size);
+}
+
+OniStatus SynthDevice::setProperty(int id, const void* data, int size) {
+  if (id != ONI_DEVICE_PROPERTY_IMAGE_REGISTRATION || !script_.registration) {
+    return ONI_STATUS_NOT_SUPPORTED;
+  }
+  return accept(registration_, data, size) ? ONI_STATUS_OK : ONI_STATUS_BAD_PARAMETER;
+}
+
+OniBool SynthDevice::isPropertySupported(int id) {
+  return id == ONI_DEVICE_PROPERTY_IMAGE_REGISTRATION;
+}
+
+OniBool SynthDevice::isImageRegistrationModeSupported(OniImageRegistrationMode mode) {
+  return mode == ONI_IMAGE_REGISTRATION_OFF || script_.registration;
+}
+
+}  // namespace maplet::synth
