@@ -6,6 +6,7 @@ set(CMAKE_RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/bin)
 
 option(MAPLET_TESTS "Build the tests" ON)
 option(MAPLET_BENCH "Build the benchmarks" OFF)
+option(MAPLET_FUZZ "Make the fuzz targets fuzzers (clang)" OFF)
 set(MAPLET_SANITIZE "" CACHE STRING "Sanitizers, as in -fsanitize=...")
 
 find_program(CCACHE ccache)
@@ -26,6 +27,9 @@ target_compile_options(
 # Eigen's alignment must not follow a file's instruction set: one layout in every object file.
 target_compile_definitions(maplet_options INTERFACE EIGEN_MAX_ALIGN_BYTES=16 EIGEN_MPL2_ONLY
                                                     MAPLET_VERSION="${PROJECT_VERSION}")
+if(MAPLET_FUZZ)
+  add_compile_options(-fsanitize=fuzzer-no-link)
+endif()
 if(MAPLET_SANITIZE)
   add_compile_options(-fsanitize=${MAPLET_SANITIZE} -fno-omit-frame-pointer
                       -fno-sanitize-recover=undefined)

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <boost/static_string/static_string.hpp>
 #include <cstddef>
+#include <string>
 #include <string_view>
 #include <utility>
 
@@ -21,6 +22,13 @@ template <class... Args>
   char buffer[kMaxLineBytes];
   const auto end = fmt::format_to_n(buffer, sizeof buffer, text, std::forward<Args>(args)...);
   return Line{buffer, std::min(end.size, sizeof buffer)};
+}
+
+/// The same text without what breaks a line or a terminal: names out of files may hold anything.
+[[nodiscard]] inline std::string one_line(std::string text) {
+  std::replace_if(
+      text.begin(), text.end(), [](unsigned char c) { return c < 0x20 || c == 0x7f; }, '?');
+  return text;
 }
 
 [[nodiscard]] inline std::string_view view(const Line& line) noexcept {

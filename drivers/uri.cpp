@@ -7,6 +7,8 @@
 #include <charconv>
 #include <optional>
 
+#include "drivers/line.hpp"
+
 namespace maplet {
 
 namespace {
@@ -35,13 +37,12 @@ std::optional<std::string> decode(std::string_view text) {
   return out;
 }
 
-/// For messages: a hostile URI must not break the line or the terminal.
+/// For messages: a hostile URI must not flood the terminal either.
 std::string printable(std::string_view text) {
   constexpr std::size_t kShown = 200;
-  std::string out{text.substr(0, kShown)};
-  std::replace_if(
-      out.begin(), out.end(), [](unsigned char c) { return c < 0x20 || c == 0x7f; }, '?');
-  return text.size() > kShown ? out + "..." : out;
+  std::string out = one_line(std::string{text.substr(0, kShown)});
+  if (text.size() > kShown) out.append("...");
+  return out;
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "core/limits.hpp"
+#include "drivers/line.hpp"
 
 namespace maplet {
 
@@ -104,7 +105,7 @@ tl::expected<RecordedCamera, std::string> parse_camera_toml(std::string_view tex
     const toml::table root = toml::parse(text);
     const toml::table* depth = root["depth"].as_table();
     if (depth == nullptr) return Problem{fmt::format("{}: no table [depth]: add it", name)};
-    return take_depth(*depth, name);
+    return take_depth(*depth, name).map_error(one_line);
   } catch (const toml::parse_error& error) {
     return Problem{fmt::format("{}:{}: {}", name, error.source().begin.line, error.description())};
   }

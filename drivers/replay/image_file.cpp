@@ -102,6 +102,9 @@ auto ImageReader::State::jpeg_size(std::span<const std::byte> bytes, std::string
                           &sampling, &colours) != 0) {
     return bad(ErrorCode::kBadInput, "{}: damaged JPEG ({})", name, tjGetErrorStr2(jpeg.get()));
   }
+  if (size.width_px <= 0 || size.height_px <= 0) {  // tables and no image count as success
+    return bad(ErrorCode::kBadInput, "{}: damaged JPEG (no image)", name);
+  }
   if (size.width_px > static_cast<int>(kMaxWidthPx) ||
       size.height_px > static_cast<int>(kMaxHeightPx)) {
     return bad(ErrorCode::kBadInput, "{}: image is {}x{}, at most {}x{} are supported", name,

@@ -87,6 +87,7 @@ INSTANTIATE_TEST_SUITE_P(
                     Wrong{"[0, 65535]", "65535", ":9: invalid_values"},
                     Wrong{"[0, 65535]", "[1,2,3,4,5,6,7,8,9]", "at most 8"},
                     Wrong{"colour = true", "color = true", ":10: unknown key"},
+                    Wrong{"colour = true", "colour = true\n\"a\\nb\" = 1", ":11: unknown key"},
                     Wrong{"colour = true", "colour = 1", ":10: registered_to_colour"},
                     Wrong{"rate_hz = 30.0", "rate_hz = ", ":11"}));
 

@@ -124,6 +124,15 @@ TEST_F(ImageFile, RefusesATruncatedJpeg) {
   EXPECT_TRUE(says(got.error(), "half.jpg") && says(got.error(), "damaged")) << got.error().what;
 }
 
+TEST_F(ImageFile, RefusesAJpegCutOffInItsHeader) {
+  test::write_jpeg(dir_ / "c.jpg", kWidth, kHeight, flat_colour(9, 99, 199));
+  const std::string whole = read_bytes(dir_ / "c.jpg");
+  for (std::size_t size = 2; size < 100; ++size) {
+    const auto got = reader_.decode_size(std::as_bytes(std::span{whole}.first(size)), "part.jpg");
+    ASSERT_FALSE(got) << size;
+  }
+}
+
 TEST_F(ImageFile, DamagedBytesNeverCrash) {
   ASSERT_TRUE(write_png(dir_ / "d.png", view(random_depth(), kWidth)));
   test::write_jpeg(dir_ / "c.jpg", kWidth, kHeight, flat_colour(9, 99, 199));

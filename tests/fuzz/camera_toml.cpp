@@ -1,0 +1,20 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#include "drivers/replay/camera_toml.hpp"
+
+#include "core/limits.hpp"
+#include "tests/fuzz/fuzz.hpp"
+
+int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  using namespace maplet;
+  const auto camera = parse_camera_toml(fuzz::text(data, size), "camera.toml");
+  if (!camera) {
+    fuzz::require_one_line(camera.error());
+    return 0;
+  }
+  fuzz::require(camera->camera.valid(), "a camera that is taken is valid");
+  fuzz::require(camera->camera.width_px <= static_cast<int>(kMaxWidthPx) &&
+                    camera->camera.height_px <= static_cast<int>(kMaxHeightPx),
+                "its size is within the limits");
+  fuzz::require(camera->metres_per_unit > 0.0, "its unit is positive");
+  return 0;
+}
