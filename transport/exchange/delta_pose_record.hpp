@@ -33,7 +33,7 @@ struct DeltaPoseRecord {
 };
 
 /// Serialised in the local domain: CDR with its 4-byte header (tests/unit/dds measures it).
-inline constexpr std::size_t kDeltaPosePayloadBytes = 160;
+inline constexpr std::size_t kDeltaPosePayloadBytes = 144;
 
 /// Which stream a delta-pose belongs to.
 [[nodiscard]] constexpr Stream stream_of(DeltaPose::Kind kind) noexcept {
