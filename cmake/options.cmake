@@ -20,8 +20,8 @@ add_library(maplet_options INTERFACE)
 target_include_directories(maplet_options INTERFACE ${CMAKE_SOURCE_DIR})
 target_compile_options(
   maplet_options
-  INTERFACE -Wall -Wextra -Wshadow -Wnon-virtual-dtor -Wconversion -Wno-sign-conversion
-            -Werror=return-type
+  INTERFACE -Wall -Wextra -Wshadow -Wconversion -Wno-sign-conversion -Werror=return-type
+            $<$<COMPILE_LANGUAGE:CXX>:-Wnon-virtual-dtor>
             # No fused multiply-add unless written: the same bytes on every build of one machine.
             -ffp-contract=off)
 # Eigen's alignment must not follow a file's instruction set: one layout in every object file.

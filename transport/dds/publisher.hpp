@@ -1,0 +1,69 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include "core/base/clock.hpp"
+#include "transport/dds/config.hpp"
+#include "transport/dds/domain.hpp"
+#include "transport/exchange/delta_pose_record.hpp"
+#include "transport/exchange/maplet_record.hpp"
+#include "transport/exchange/status_record.hpp"
+
+namespace maplet {
+
+/// Puts an agent's delta-poses, maplets and status into the local domain.
+///
+/// Memory   queues fixed at construction (about 1.1 MB); Cyclone's own in docs/memory.md.
+/// Threads  publish() from one thread, the estimator's; it never allocates, never blocks and never
+///   waits for Cyclone: a thread of the publisher writes. Everything else from any thread.
+class DdsPublisher {
+ public:
+  enum class Missing : std::uint8_t {
+    kFail,  ///< an interface that is not there is an error: a finite run
+    kWait,  ///< keep trying once a second: the service. Records wait in the queues meanwhile
+  };
+
+  struct Counters {
+    std::uint64_t delta_poses = 0;  ///< written
+    std::uint64_t maplets = 0;
+    std::uint64_t statuses = 0;
+    std::uint64_t dropped = 0;  ///< refused by a full queue
+    std::uint64_t failed = 0;   ///< refused by Cyclone
+  };
+
+  /// @return a running publisher, or why not: one line with the remedy
+  [[nodiscard]] static tl::expected<std::unique_ptr<DdsPublisher>, DdsFailure> start(
+      const DdsConfig& config, int agent, Missing missing);
+
+  /// Writes what is queued, for a moment, and leaves the domain.
+  ~DdsPublisher();
+  DdsPublisher(const DdsPublisher&) = delete;
+  DdsPublisher& operator=(const DdsPublisher&) = delete;
+
+  /// @return false when the queue was full: counted, the record is lost to the local domain
+  [[nodiscard]] bool publish(const DeltaPoseRecord& record) noexcept;
+  /// Copies the bytes; also false when they are more than kMaxMapletBytes.
+  [[nodiscard]] bool publish(const MapletRecord& record) noexcept;
+  [[nodiscard]] bool publish(const StatusRecord& record) noexcept;
+
+  /// Waits until everything published is written and every subscriber known has it; looks for
+  /// subscribers that are only just arriving, too. For the end of a finite run.
+  /// @return false when `limit` passed before
+  [[nodiscard]] bool flush(Duration limit) noexcept;
+
+  /// False while waiting for the interface.
+  [[nodiscard]] bool open() const noexcept;
+  /// Subscribers of delta-poses now.
+  [[nodiscard]] std::uint32_t subscribers() const noexcept;
+  [[nodiscard]] Counters counters() const noexcept;
+
+ private:
+  class Impl;
+  explicit DdsPublisher(std::unique_ptr<Impl> impl) noexcept;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace maplet
