@@ -25,5 +25,6 @@ void add_show(CLI::App& app);
 void add_simulate(CLI::App& app);
 void add_solve(CLI::App& app);
 void add_version(CLI::App& app);
+void add_watch(CLI::App& app);
 
 }  // namespace maplet::ctl

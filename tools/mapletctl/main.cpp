@@ -16,6 +16,7 @@ int main(int argc, char** argv) {
   add_simulate(app);
   add_solve(app);
   add_version(app);
+  add_watch(app);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
