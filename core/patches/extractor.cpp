@@ -28,14 +28,19 @@ PatchExtractor::PatchExtractor(const PatchConfig& config, Arena& arena)
       pyramid_{config, arena},
       tree_{config, arena},
       merger_{config, arena},
+      refiner_{config, arena},
       plane_of_region_{arena.make_array<std::int16_t>(Merger::kMaxRegions, "patches/numbers")},
       largest_{arena.make_array<std::int16_t>(Merger::kMaxRegions, "patches/order")},
+      fits_{arena.make_array<Fit>(kMaxFramePlanes, "patches/fits")},
       out_{arena.make<PatchSet>("patches/result")} {}
 
 const PatchSet& PatchExtractor::run(const DepthFrame& frame, Deadline deadline) noexcept {
   out_->clear();
   out_->camera = frame.camera;
-  if (!frame.camera.valid()) return *out_;
+  if (!frame.camera.valid()) {
+    refiner_.forget();
+    return *out_;
+  }
   pixel_frame_ = PixelFrame{frame.camera};
   correlated_px_ = std::max(1.0, frame.noise.correlated_px);
 
@@ -46,7 +51,14 @@ const PatchSet& PatchExtractor::run(const DepthFrame& frame, Deadline deadline) 
   number_planes();
   emit_planes(frame);
   emit_patches(frame);
-  out_->stop = !seen ? Stop::kDeadline : std::max(split, merge);
+  Stop look = Stop::kConverged;
+  name_cells();
+  if (config_.second_look) {
+    look = refiner_.run(frame, pyramid_, fits_.first(out_->planes.size()), deadline);
+  } else {
+    refiner_.skip(pyramid_);
+  }
+  out_->stop = !seen ? Stop::kDeadline : std::max({split, merge, look});
   return *out_;
 }
 
@@ -77,7 +89,7 @@ Eigen::Matrix3d PatchExtractor::information(const Moments& moments, double rss) 
 void PatchExtractor::emit_planes(const DepthFrame&) noexcept {
   for (std::size_t p = 0; p < out_->planes.size(); ++p) {
     const Region& region = merger_.regions()[largest_[p]];
-    const Fit f = fit(region.moments);
+    const Fit f = fits_[p] = fit(region.moments);
     FramePlane& plane = out_->planes[p];
     plane.theta = pixel_frame_.theta(f);
     plane.information = information(region.moments, f.rss);
@@ -87,6 +99,16 @@ void PatchExtractor::emit_planes(const DepthFrame&) noexcept {
     const double rms = std::sqrt(f.rss / region.moments.n) / kInverseDepthSteps;
     plane.rms_m = static_cast<float>(rms * kInverseDepthSteps / (f.w0 * plane.theta.norm()));
     plane.mean_gray = -1.0F;
+  }
+}
+
+void PatchExtractor::name_cells() noexcept {
+  const std::span<std::uint8_t> cells = refiner_.cells();
+  const PatchGrid& grid = out_->cells;
+  for (int k = 0; k < grid.width * grid.height; ++k) {
+    const std::int16_t patch = grid.patch[k];
+    const std::int16_t plane = patch < 0 ? Patch::kNoPlane : out_->patches[patch].plane;
+    cells[k] = plane < 0 ? Refiner::kNone : static_cast<std::uint8_t>(plane);
   }
 }
 

@@ -9,6 +9,7 @@
 #include "core/patches/patch_config.hpp"
 #include "core/patches/pyramid.hpp"
 #include "core/patches/quadtree.hpp"
+#include "core/patches/refiner.hpp"
 
 namespace maplet {
 
@@ -28,7 +29,14 @@ class PatchExtractor {
   /// @return valid until the next call
   [[nodiscard]] const PatchSet& run(const DepthFrame& frame, Deadline deadline) noexcept;
 
+  /// Plane of each pixel of the last frame plus 1, row by row; 0 = none or no return. With the
+  /// second look these are finer than PatchSet's cells.
+  void write_labels(const DepthFrame& frame, std::span<std::uint16_t> out) const noexcept {
+    refiner_.write_labels(frame, out);
+  }
+
  private:
+  void name_cells() noexcept;
   void number_planes() noexcept;
   void emit_planes(const DepthFrame& frame) noexcept;
   void emit_patches(const DepthFrame& frame) noexcept;
@@ -38,10 +46,12 @@ class PatchExtractor {
   Pyramid pyramid_;
   Quadtree tree_;
   Merger merger_;
+  Refiner refiner_;
   PixelFrame pixel_frame_{CameraModel{1, 1, 1.0, 1.0, 0.0, 0.0}};
   double correlated_px_ = 1.0;
   std::span<std::int16_t> plane_of_region_;
   std::span<std::int16_t> largest_;  ///< regions, the largest first
+  std::span<Fit> fits_;              ///< of the planes
   Arena::Owned<PatchSet> out_;
 };
 

@@ -18,6 +18,7 @@ struct PatchConfig {
   double merge_bias_sigmas = 0.6;
   double min_incidence_cos = 0.12;
   int min_plane_cells = 3;
+  bool second_look = true;
 
   static constexpr double kPatchLimit = kMaxPatches;
 
@@ -41,6 +42,8 @@ struct PatchConfig {
        "cosine of the angle between ray and normal below which a patch is not believed"},
       {"min_plane_cells", &PatchConfig::min_plane_cells, 1, 1000,
        "finest cells that a plane has at least"},
+      {"second_look", &PatchConfig::second_look, 0, 1,
+       "assign the pixels where planes end one by one, as far as the budget allows"},
   };
 };
 
