@@ -20,6 +20,8 @@ class Failure : public std::runtime_error {
 void add_draw(CLI::App& app);
 void add_eval(CLI::App& app);
 void add_export(CLI::App& app);
+void add_patches(CLI::App& app);
+void add_patches_eval(CLI::App& app);
 void add_register(CLI::App& app);
 void add_show(CLI::App& app);
 void add_simulate(CLI::App& app);

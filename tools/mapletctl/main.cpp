@@ -11,6 +11,8 @@ int main(int argc, char** argv) {
   add_draw(app);
   add_eval(app);
   add_export(app);
+  add_patches(app);
+  add_patches_eval(app);
   add_register(app);
   add_show(app);
   add_simulate(app);
