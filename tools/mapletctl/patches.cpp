@@ -12,10 +12,10 @@
 #include "daemon/progress.hpp"
 #include "drivers/open_source.hpp"
 #include "drivers/replay/image_file.hpp"
+#include "tools/draw/patch_picture.hpp"
 #include "tools/mapletctl/command.hpp"
 #include "tools/mapletctl/decimated.hpp"
 #include "tools/mapletctl/patch_options.hpp"
-#include "tools/mapletctl/patch_picture.hpp"
 
 namespace maplet::ctl {
 namespace {
@@ -93,8 +93,8 @@ void run(const Options& options) {
     const auto next = (*source)->next(Deadline::never());
     if (!next) {
       if (next.error().code == ErrorCode::kEnd) break;
-      throw Failure{fmt::format("{}: {} {}", options.source, next.error().what,
-                                (*source)->detail())};
+      throw Failure{
+          fmt::format("{}: {} {}", options.source, next.error().what, (*source)->detail())};
     }
     const DepthFrame frame = decimated.of(*next);
     const Timed timed;
@@ -113,18 +113,18 @@ void run(const Options& options) {
     lines << line << '\n';
     if (options.json) fmt::print("{}\n", line);
     if (options.draw) {
-      draw_patches(out / "pictures" / fmt::format("{:06}.png", frame.index), frame, set, labels,
-                   fmt::format("frame {}   {} patches   {} planes   {:.2f} ms   {}", frame.index,
-                               set.patches.size(), set.planes.size(), us * 1e-3,
-                               to_string(set.stop)));
+      draw::draw_patches(
+          out / "pictures" / fmt::format("{:06}.png", frame.index), frame, set, labels,
+          fmt::format("frame {}   {} patches   {} planes   {:.2f} ms   {}", frame.index,
+                      set.patches.size(), set.planes.size(), us * 1e-3, to_string(set.stop)));
     }
     progress.show(frames + 1);
   }
   progress.clear();
   lines.close();
   if (!lines) {
-    throw Failure{fmt::format("{}: cannot be written; is there space?",
-                              (out / "patches.jsonl").string())};
+    throw Failure{
+        fmt::format("{}: cannot be written; is there space?", (out / "patches.jsonl").string())};
   }
   if (!options.json) {
     fmt::print("{}: {} frames, {:.2f} ms of CPU each\n", options.out, frames,
@@ -143,7 +143,9 @@ void add_patches(CLI::App& app) {
   command->add_option("source", options->source, "For example tum:DIR or 'sim:room?frames=20'")
       ->required()
       ->type_name("URI");
-  command->add_option("--out", options->out, "Folder for the results")->required()->type_name("DIR");
+  command->add_option("--out", options->out, "Folder for the results")
+      ->required()
+      ->type_name("DIR");
   command->add_option("--frames", options->frames, "Stop after so many; 0 = all");
   command->add_option("--decimate", options->decimate, "Keep every n-th pixel")
       ->check(CLI::IsMember({1, 2, 4}));

@@ -1,5 +1,5 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
-#include "tools/mapletctl/patch_picture.hpp"
+#include "tools/draw/patch_picture.hpp"
 
 #include <cairo/cairo.h>
 #include <fmt/core.h>
@@ -8,19 +8,18 @@
 #include <array>
 #include <cmath>
 #include <memory>
+#include <stdexcept>
 
-#include "tools/mapletctl/command.hpp"
-
-namespace maplet::ctl {
+namespace maplet::draw {
 
 namespace {
 
-struct Colour {
+struct Rgb {
   double r, g, b;
 };
 
 /// Neighbouring numbers get hues far apart: steps of the golden angle.
-Colour plane_colour(unsigned index) {
+Rgb plane_colour(unsigned index) {
   const double hue = std::fmod(static_cast<double>(index) * 0.6180339887 + 0.58, 1.0) * 6.0;
   const double value = 0.95 - 0.12 * static_cast<double>(index / 7 % 3);
   const double saturation = 0.75 - 0.2 * static_cast<double>(index / 3 % 2);
@@ -56,7 +55,7 @@ void paint_pixels(cairo_surface_t* surface, const DepthFrame& frame,
       const int v = y / scale;
       const double gray = shade(frame, u, v);
       const auto at = [&](int a, int b) { return labels[static_cast<std::size_t>(b * width + a)]; };
-      Colour c{gray * 0.45, gray * 0.45, gray * 0.45};
+      Rgb c{gray * 0.45, gray * 0.45, gray * 0.45};
       if (const std::uint16_t label = at(u, v); label != 0) {
         c = plane_colour(label - 1U);
         const double light = 0.35 + 0.65 * gray;
@@ -80,9 +79,8 @@ void draw_patches(const std::filesystem::path& file, const DepthFrame& frame, co
   const int scale = frame.depth.width_px < 480 ? 2 : 1;
   const int width = frame.depth.width_px * scale;
   const int height = frame.depth.height_px * scale;
-  const Surface surface{
-      cairo_image_surface_create(CAIRO_FORMAT_RGB24, width, height + kCaptionPx),
-      cairo_surface_destroy};
+  const Surface surface{cairo_image_surface_create(CAIRO_FORMAT_RGB24, width, height + kCaptionPx),
+                        cairo_surface_destroy};
   paint_pixels(surface.get(), frame, labels, scale);
   const Context cr{cairo_create(surface.get()), cairo_destroy};
   cairo_set_line_width(cr.get(), 1.0);
@@ -101,8 +99,8 @@ void draw_patches(const std::filesystem::path& file, const DepthFrame& frame, co
   cairo_move_to(cr.get(), 8.0, height + 18.0);
   cairo_show_text(cr.get(), caption.c_str());
   if (cairo_surface_write_to_png(surface.get(), file.c_str()) != CAIRO_STATUS_SUCCESS) {
-    throw Failure{fmt::format("{}: cannot be written; is there space?", file.string())};
+    throw std::runtime_error{fmt::format("{}: cannot be written; is there space?", file.string())};
   }
 }
 
-}  // namespace maplet::ctl
+}  // namespace maplet::draw
