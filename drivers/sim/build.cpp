@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 namespace maplet::sim {
 namespace {
@@ -69,10 +70,10 @@ std::uint16_t Builder::plane_of(const Plane& plane) {
 }
 
 void Builder::rectangle(const Eigen::Vector3d& corner, const Eigen::Vector3d& along,
-                        const Eigen::Vector3d& across, Look look) {
+                        const Eigen::Vector3d& across, Look look, bool decal) {
   const Eigen::Vector3d n = along.cross(across).normalized();
   world_->surfaces.push_back(
-      {corner, along, across, plane_of({n, -n.dot(corner)}), look.material, look.albedo});
+      {corner, along, across, plane_of({n, -n.dot(corner)}), look.material, look.albedo, decal});
 }
 
 void Builder::box(const Spot& spot, const Eigen::Vector3d& centre, const Eigen::Vector3d& size,
@@ -104,6 +105,7 @@ void Builder::rooms(const std::vector<Rect>& free, double height_m, Look walls, 
   const auto& xs = cells.xs;
   const auto& ys = cells.ys;
   const Vector3d up{0, 0, height_m};
+  const std::size_t first = world_->surfaces.size();
   for (int i = 0; i < cells.columns(); ++i) {
     const double x = xs[static_cast<std::size_t>(i)];
     const auto at = [&](std::size_t j) { return Vector3d{x, ys[j], 0}; };
@@ -124,12 +126,36 @@ void Builder::rooms(const std::vector<Rect>& free, double height_m, Look walls, 
         cells.columns() - 1, [&](int i) { return !cells.is_free(i, j) && cells.is_free(i, j - 1); },
         [&](std::size_t a, std::size_t b) { rectangle(at(a), at(b) - at(a), up, walls); });
   }
+  walls_.resize(world_->surfaces.size() - first);
+  std::iota(walls_.begin(), walls_.end(), first);
   // One floor and one ceiling: what lies in the solid is behind walls.
   const Vector3d low{xs.front(), ys.front(), 0};
   const Vector3d x{xs.back() - xs.front(), 0, 0};
   const Vector3d y{0, ys.back() - ys.front(), 0};
   rectangle(low, x, y, floor);
   rectangle(low + up, y, x, ceiling);
+}
+
+void Builder::hang_posters(Random& random) {
+  constexpr double kEvery = 1.5;  // m of wall
+  for (const std::size_t index : walls_) {
+    const Surface wall = world_->surfaces[index];
+    // One of a wall's edges goes up; posters are laid out along the other.
+    const bool upright = wall.across.z() != 0.0;
+    const Eigen::Vector3d level = upright ? wall.along : wall.across;
+    const double length = level.norm();
+    const Eigen::Vector3d e = level / length;
+    for (double s = 0.0; s + 1.0 < length; s += kEvery) {
+      if (!random.chance(0.7)) continue;
+      const double wide = random.uniform(0.3, 0.8);
+      const Eigen::Vector3d corner = wall.corner + e * (s + random.uniform(0.0, 1.0 - wide)) +
+                                     Eigen::Vector3d{0, 0, random.uniform(0.9, 1.5)};
+      const Eigen::Vector3d x = e * wide;
+      const Eigen::Vector3d z{0, 0, random.uniform(0.3, 0.7)};
+      const Look look{Material::kPoster, static_cast<float>(random.uniform(0.35, 0.9))};
+      upright ? rectangle(corner, x, z, look, true) : rectangle(corner, z, x, look, true);
+    }
+  }
 }
 
 }  // namespace maplet::sim

@@ -36,18 +36,21 @@ class Builder {
 
   /// A rectangle seen from the side of along x across.
   void rectangle(const Eigen::Vector3d& corner, const Eigen::Vector3d& along,
-                 const Eigen::Vector3d& across, Look look);
+                 const Eigen::Vector3d& across, Look look, bool decal = false);
   /// A box, all six sides; `centre` is the middle of its bottom in the spot's frame, yaw and then
   /// pitch (about its x) turn it.
   void box(const Spot& spot, const Eigen::Vector3d& centre, const Eigen::Vector3d& size, Look look,
            double pitch_rad = 0.0);
   /// Walls round a plan made of free rectangles (overlapping or touching), its floor and ceiling.
   void rooms(const std::vector<Rect>& free, double height_m, Look walls, Look floor, Look ceiling);
+  /// Posters and notices on the walls that rooms() made: seen in the gray image only.
+  void hang_posters(Random& random);
 
  private:
   std::uint16_t plane_of(const Plane& plane);
 
   World* world_;
+  std::vector<std::size_t> walls_;  ///< of the last rooms()
 };
 
 // Furniture. Each stands at its spot, `random` varies its sizes.

@@ -9,7 +9,8 @@ namespace {
 
 constexpr double kNear = 0.02;  // m; nothing nearer is drawn
 constexpr double kSeam = 1e-6;  // px by which surfaces overlap, so that no seam opens between two
-constexpr int kMaxCorners = 5;  // a rectangle cut by one plane
+constexpr float kDecal = 1.0F + 4e-6F;  // a decal wins over what it lies on by this
+constexpr int kMaxCorners = 5;          // a rectangle cut by one plane
 
 using Eigen::Vector3d;
 
@@ -43,12 +44,12 @@ struct Span {
 };
 
 /// Counts from the span's begin: there a grazing plane's terms have cancelled already, in double.
-void fill(const Span& span, float at_begin, float step, std::int32_t index) noexcept {
+void fill(const Span& span, float at_begin, float step, float lift, std::int32_t index) noexcept {
   float* __restrict inverse = span.inverse;
   std::int32_t* __restrict surface = span.surface;
   for (int u = span.begin; u < span.end; ++u) {
     const float w = at_begin + step * static_cast<float>(u - span.begin);
-    const bool nearer = w > inverse[u];
+    const bool nearer = w * lift > inverse[u];
     inverse[u] = nearer ? w : inverse[u];
     surface[u] = nearer ? index : surface[u];
   }
@@ -121,6 +122,7 @@ void Raster::draw_surface(std::int32_t index, const Se3& T_camera_world) noexcep
   const double at_zero = theta.z() - per_u * camera_.cx_px - per_v * camera_.cy_px;
   linear_[i] = {static_cast<float>(per_u), static_cast<float>(per_v), static_cast<float>(at_zero)};
   distance_[i] = static_cast<float>(plane.d);
+  const float lift = s.decal ? kDecal : 1.0F;
   for (int v = first; v <= last; ++v) {
     double left = 0.0;
     double right = camera_.width_px - 1.0;
@@ -137,7 +139,8 @@ void Raster::draw_surface(std::int32_t index, const Se3& T_camera_world) noexcep
     const int begin = static_cast<int>(std::ceil(left));
     const int end = static_cast<int>(std::floor(right)) + 1;
     fill({inverse_.data() + row, surface_.data() + row, begin, end},
-         static_cast<float>(at_zero + per_v * v + per_u * begin), static_cast<float>(per_u), index);
+         static_cast<float>(at_zero + per_v * v + per_u * begin), static_cast<float>(per_u), lift,
+         index);
   }
 }
 

@@ -111,12 +111,33 @@ void fill_floor_tiles(std::vector<std::uint8_t>& texels, int side, std::uint64_t
   });
 }
 
+/// Blocks of print and pictures: steps of a few gray values, as strong as ink on paper.
+void fill_poster(std::vector<std::uint8_t>& texels, int side, std::uint64_t seed) {
+  const Lattice picture{seed, 14, 14};
+  const Octaves detail{seed ^ 0xf17e, 28, 4, 1};
+  constexpr int kColumns = 16;
+  constexpr int kLines = 96;
+  fill(texels, side, [&](float x, float y) {
+    const auto column = static_cast<std::uint64_t>(x * kColumns);
+    const auto block = static_cast<std::uint64_t>(y * 12) * kColumns + column;
+    const auto line = static_cast<std::uint64_t>(y * kLines);
+    const bool printed = mix(seed, block) % 3 == 0;
+    const bool ink = printed && line % 2 == 0 && mix(seed ^ line, column) % 5 != 0;
+    const float at = picture.at(x, y);
+    const float tone = at > 0.3F ? 0.5F : at < -0.3F ? -0.6F : 0.0F;
+    return printed ? (ink ? -0.7F : 0.35F) : tone + 0.5F * detail.at(x, y);
+  });
+}
+
 void fill_texels(Material material, std::vector<std::uint8_t>& texels, int side,
                  std::uint64_t seed) {
   switch (material) {
     case Material::kPlaster: {
       const Octaves cloud{seed, 4, 6, 1};
-      return fill(texels, side, [&](float x, float y) { return 0.35F * cloud.at(x, y); });
+      const Lattice specks{seed ^ 0x57ec, 160, 160};
+      return fill(texels, side, [&](float x, float y) {
+        return 0.3F * cloud.at(x, y) + (specks.at(x, y) > 0.75F ? -0.25F : 0.0F);
+      });
     }
     case Material::kWallpaper: {
       const Octaves cloud{seed, 4, 5, 1};
@@ -132,6 +153,8 @@ void fill_texels(Material material, std::vector<std::uint8_t>& texels, int side,
     }
     case Material::kTiles:
       return fill_floor_tiles(texels, side, seed);
+    case Material::kPoster:
+      return fill_poster(texels, side, seed);
     case Material::kWood: {
       const Octaves grain{seed, 2, 5, 6};
       return fill(texels, side, [&](float x, float y) { return 0.7F * grain.at(x, y); });
@@ -157,11 +180,11 @@ Painter::Painter(const World& world, const CameraModel& camera, const SimOptions
     make_tile(static_cast<Material>(m), mix(seed, 0x711e + static_cast<std::uint64_t>(m)),
               tiles_[static_cast<std::size_t>(m)]);
   }
-  const Eigen::Vector3d light = Eigen::Vector3d{0.35, -0.5, 0.8}.normalized();
+  const Eigen::Vector3d light = Eigen::Vector3d{0.45, -0.7, 0.4}.normalized();
   for (const Surface& s : world.surfaces) {
     const Eigen::Vector3d n = s.along.cross(s.across).normalized();
     Random random{seed, 0xc0a7 + coats_.size()};
-    const double lit = 0.62 + 0.38 * n.dot(light);
+    const double lit = 0.70 + 0.30 * n.dot(light);
     coats_.push_back({static_cast<float>(random.uniform(0, 50)),
                       static_cast<float>(random.uniform(0, 50)),
                       static_cast<float>(225.0 * static_cast<double>(s.albedo) * lit),

@@ -14,8 +14,16 @@ namespace maplet::sim {
 struct SimOptions;
 
 /// What a surface looks like in the gray image.
-enum class Material : std::uint8_t { kPlaster, kWallpaper, kCarpet, kTiles, kWood, kCardboard };
-inline constexpr int kMaterials = 6;
+enum class Material : std::uint8_t {
+  kPlaster,
+  kWallpaper,
+  kCarpet,
+  kTiles,
+  kWood,
+  kCardboard,
+  kPoster
+};
+inline constexpr int kMaterials = 7;
 
 /// A rectangle that is seen from one side only.
 struct Surface {
@@ -25,6 +33,7 @@ struct Surface {
   std::uint16_t plane = 0;  ///< id of its plane, from 1
   Material material = Material::kPlaster;
   float albedo = 0.7F;  ///< 0..1
+  bool decal = false;   ///< covers an earlier surface of its plane
 };
 
 /// A point of the closed path; the curve stays inside the hull of four neighbours.

@@ -75,9 +75,10 @@ World make_room(const SimOptions& options) {
                  {-2.2, -d - 0.6, -0.6, -d},
                  {w, door, w + 0.2, door + 0.9},
                  {w + 0.2, door - 0.6, w + 1.6, door + 1.5}},
-                kHigh, kPaper, kFloor, kCeiling);
-  builder.box({window + 0.75, d + 0.125}, {0, 0, 0}, {1.5, 0.25, 0.9}, kPaper);
-  builder.box({window + 0.75, d + 0.125}, {0, 0, 2.2}, {1.5, 0.25, kHigh - 2.2}, kPaper);
+                kHigh, kWall, kFloor, kCeiling);
+  builder.hang_posters(random);
+  builder.box({window + 0.75, d + 0.125}, {0, 0, 0}, {1.5, 0.25, 0.9}, kWall);
+  builder.box({window + 0.75, d + 0.125}, {0, 0, 2.2}, {1.5, 0.25, kHigh - 2.2}, kWall);
   add_door_frame(builder, {w + 0.1, door + 0.45, kEast}, 0.9, 0.2, 2.05, kHigh);
   const auto near = [&](double x, double y, double yaw) {
     return Spot{x + random.spread(0.06), y + random.spread(0.03), yaw + random.spread(0.04)};
@@ -113,7 +114,7 @@ World make_symmetric(const SimOptions& options) {
   Random random{static_cast<std::uint64_t>(options.seed), 0x5e77};
   const Random same = random;
   // Everything is there twice: half a turn about the middle maps the room onto itself.
-  builder.rooms({{-3, -3, 3, 3}}, 2.6, kPaper, kFloor, kCeiling);
+  builder.rooms({{-3, -3, 3, 3}}, 2.6, kWall, kFloor, kCeiling);
   for (const double side : {0.0, kPi}) {
     random = same;
     const auto turned = [side](double x, double y, double yaw) {

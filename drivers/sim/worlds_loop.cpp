@@ -60,6 +60,7 @@ class Loop {
     Builder builder{world};
     for (const Side& side : sides) furnish(builder, side, cross);
     builder.rooms(free_, kHigh, kWalls, {Material::kTiles, 0.5F}, {Material::kPlaster, 0.9F});
+    builder.hang_posters(random_);
     add_cabinet(builder, {cross + 0.7, d / 2, -kPi / 2}, random_, 1.0, 1.9);
     add_cartons(builder, {cross - 0.65, d / 2 - 1.5, kPi / 2}, random_, 2);
     world.route = route();
@@ -72,6 +73,11 @@ class Loop {
     const bool crossed = std::abs(std::sin(side.yaw)) < 0.5;
     const double crossing = side.yaw == 0.0 ? cross : width_ - cross;
     double room_end = 0.0;
+    // Two portals a side, with a lintel under the ceiling: fire doors that stand open.
+    for (const double share : {0.3, 0.72}) {
+      const double s = side.length * share + random_.spread(0.5);
+      if (!crossed || std::abs(s - crossing) > kHalf + 0.4) portal(builder, side, s);
+    }
     int step = 0;
     for (double s = 2.2; s < side.length - 2.2; s += random_.uniform(1.5, 2.1), ++step) {
       const bool at_crossing = crossed && std::abs(s - crossing) < kHalf + 0.9;
@@ -83,6 +89,18 @@ class Loop {
         thing(builder, side, s, right ? -1.0 : 1.0);
       }
     }
+  }
+
+  void portal(Builder& builder, const Side& side, double s) {
+    constexpr double kOut = 0.12;
+    constexpr double kThick = 0.22;
+    constexpr double kLintel = 0.3;
+    for (const double left : {-1.0, 1.0}) {
+      builder.box(side.at(s, left * (kHalf - kOut / 2), 0), {0, 0, 0}, {kThick, kOut, kHigh},
+                  kWalls);
+    }
+    builder.box(side.at(s, 0, 0), {0, 0, kHigh - kLintel}, {kThick, 2 * (kHalf - kOut), kLintel},
+                kWalls);
   }
 
   /// Something that stands at the wall and leaves the middle of the corridor free.
@@ -108,8 +126,8 @@ class Loop {
       case 4:  // a bench
         builder.box(spot(0.4), {0, 0, 0}, {1.3, 0.36, 0.45}, {Material::kWood, 0.5F});
         break;
-      default:  // a closed door in its frame, a notice board beside it
-        builder.box(side.at(s, left * (kHalf - 0.01), 0), {0, 0, 0}, {0.9, 0.08, 2.05},
+      default:  // a closed door that stands out, a notice board beside it
+        builder.box(side.at(s, left * (kHalf - 0.01), 0), {0, 0, 0}, {0.96, 0.14, 2.08},
                     {Material::kWood, 0.55F});
         builder.box(side.at(s + 0.9, left * (kHalf - 0.01), 0), {0, 0, 1.1}, {0.5, 0.06, 0.7},
                     {Material::kWallpaper, 0.7F});
