@@ -4,12 +4,14 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/patches/block_count.hpp"
+
 namespace maplet {
 
 DepthScale DepthScale::of(double metres_per_unit) noexcept {
   DepthScale scale;
   const double steps = kInverseDepthSteps / metres_per_unit;
-  if (!(metres_per_unit > 0.0) || !(steps < 1e12)) {
+  if (!(steps > 0.0 && steps < 1e12)) {
     scale.min_raw = 1;
     scale.max_raw = 0;
     return scale;
@@ -38,27 +40,40 @@ Moments BlockSums::moments(int u0, int v0, int row_step) const noexcept {
   return m;
 }
 
-void sum_block_plain(const std::uint16_t* pixels, std::ptrdiff_t stride_px, int columns, int rows,
-                     const DepthScale& scale, BlockSums& out) noexcept {
-  out = {};
-  std::int32_t w[kBlockPx][kBlockPx] = {};
-  std::int32_t nearest = 0;
+namespace {
+
+/// Rounds half to even, as the vector units do.
+std::int32_t steps_of(std::uint16_t raw, const DepthScale& scale) noexcept {
+  return static_cast<std::int32_t>(
+      std::nearbyintf(scale.steps_times_raw / static_cast<float>(raw)));
+}
+
+}  // namespace
+
+std::int32_t block::reference(const std::uint16_t* pixels, std::ptrdiff_t stride_px, int columns,
+                              int rows, const DepthScale& scale) noexcept {
+  const std::uint16_t middle = pixels[rows / 2 * stride_px + std::min(columns - 1, kBlockPx / 2)];
+  if (scale.valid(middle)) return steps_of(middle, scale);
+  std::uint16_t nearest = 65535;
   for (int v = 0; v < rows; ++v) {
     for (int u = 0; u < columns; ++u) {
       const std::uint16_t raw = pixels[v * stride_px + u];
-      // Rounds half to even, as the vector units do.
-      w[v][u] = scale.valid(raw) ? static_cast<std::int32_t>(std::nearbyintf(
-                                       scale.steps_times_raw / static_cast<float>(raw)))
-                                 : -1;
-      nearest = std::max(nearest, w[v][u]);
+      if (scale.valid(raw)) nearest = std::min(nearest, raw);
     }
   }
-  const std::int32_t middle = w[rows / 2][std::min(columns - 1, kBlockPx / 2)];
-  out.w0 = middle >= 0 ? middle : nearest;
+  return nearest == 65535 ? 0 : steps_of(nearest, scale);
+}
+
+void sum_block_plain(const std::uint16_t* pixels, std::ptrdiff_t stride_px, int columns, int rows,
+                     const DepthScale& scale, BlockSums& out) noexcept {
+  out = {};
+  out.w0 = block::reference(pixels, stride_px, columns, rows, scale);
   for (int v = 0; v < rows; ++v) {
     for (int u = 0; u < columns; ++u) {
-      if (w[v][u] < 0) continue;
-      const std::int32_t d = std::clamp(w[v][u] - out.w0, -kMaxBlockStep, kMaxBlockStep);
+      const std::uint16_t raw = pixels[v * stride_px + u];
+      if (!scale.valid(raw)) continue;
+      const std::int32_t d =
+          std::clamp(steps_of(raw, scale) - out.w0, -kMaxBlockStep, kMaxBlockStep);
       out.n += 1;
       out.u += u, out.v += v;
       out.uu += u * u, out.uv += u * v, out.vv += v * v;
@@ -74,6 +89,15 @@ void sum_blocks_plain(const std::uint16_t* pixels, std::ptrdiff_t stride_px, int
   }
 }
 
-BlockRowFunction best_block_function() noexcept { return sum_blocks_plain; }
+std::vector<BlockVariant> block_variants() {
+  std::vector<BlockVariant> out{{"plain", sum_blocks_plain}};
+#if defined(__x86_64__) || defined(__i386__)
+  if (__builtin_cpu_supports("sse2")) out.push_back({"sse2", block::sum_blocks_sse2});
+  if (__builtin_cpu_supports("avx2")) out.push_back({"avx2", block::sum_blocks_avx2});
+#elif defined(__aarch64__)
+  out.push_back({"neon", block::sum_blocks_neon});
+#endif
+  return out;
+}
 
 }  // namespace maplet

@@ -3,6 +3,8 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <string_view>
+#include <vector>
 
 #include "core/patches/moments.hpp"
 
@@ -51,7 +53,20 @@ void sum_block_plain(const std::uint16_t* pixels, std::ptrdiff_t stride_px, int 
 void sum_blocks_plain(const std::uint16_t* pixels, std::ptrdiff_t stride_px, int rows, int blocks,
                       const DepthScale& scale, BlockSums* out) noexcept;
 
-/// The fastest variant that this processor runs.
-[[nodiscard]] BlockRowFunction best_block_function() noexcept;
+struct BlockVariant {
+  std::string_view name;
+  BlockRowFunction sum;
+};
+/// What this processor runs, the fastest last.
+[[nodiscard]] std::vector<BlockVariant> block_variants();
+
+namespace block {
+void sum_blocks_sse2(const std::uint16_t* pixels, std::ptrdiff_t stride_px, int rows, int blocks,
+                     const DepthScale& scale, BlockSums* out) noexcept;
+void sum_blocks_avx2(const std::uint16_t* pixels, std::ptrdiff_t stride_px, int rows, int blocks,
+                     const DepthScale& scale, BlockSums* out) noexcept;
+void sum_blocks_neon(const std::uint16_t* pixels, std::ptrdiff_t stride_px, int rows, int blocks,
+                     const DepthScale& scale, BlockSums* out) noexcept;
+}  // namespace block
 
 }  // namespace maplet

@@ -28,7 +28,7 @@ int bit_reversed(unsigned value, int bits) noexcept {
 
 Pyramid::Pyramid(const PatchConfig& config, Arena& arena)
     : config_{config},
-      sum_blocks_{best_block_function()},
+      sum_blocks_{block_variants().back().sum},
       nodes_{arena.make_array<PyramidNode>(kMaxFrameCells * 4 / 3 + 1, "patches/pyramid")} {}
 
 bool Pyramid::lay_out(const DepthFrame& frame) noexcept {
