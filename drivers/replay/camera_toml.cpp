@@ -107,7 +107,8 @@ tl::expected<RecordedCamera, std::string> parse_camera_toml(std::string_view tex
     if (depth == nullptr) return Problem{fmt::format("{}: no table [depth]: add it", name)};
     return take_depth(*depth, name).map_error(one_line);
   } catch (const toml::parse_error& error) {
-    return Problem{fmt::format("{}:{}: {}", name, error.source().begin.line, error.description())};
+    return Problem{
+        one_line(fmt::format("{}:{}: {}", name, error.source().begin.line, error.description()))};
   }
 }
 
