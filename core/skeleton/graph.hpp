@@ -23,6 +23,8 @@ struct FactorState {
   bool integrated = false;  ///< its Hessian, as linearised at rel_lin and weight_lin, is eliminated
   bool dirty = false;       ///< waits to be eliminated anew
   bool in_job = false;      ///< part of the elimination under way
+  bool queued = false;      ///< waits to be evaluated
+  bool stale = false;       ///< found worth linearising anew
 };
 
 /// A measurement between two nodes, and its last linearisation.
@@ -39,11 +41,15 @@ struct Factor {
   std::array<int, 2> next{-1, -1};            ///< next incidence of a, of b: 2 * factor + side
   Pose z;                                     ///< the measured T_a_b
   std::array<double, kPacked> information{};  ///< lower triangle, row by row
+  double stiffness = 0.0;                     ///< largest information along one axis
   double weight = 1.0;                        ///< robust scale of the information, 0..1
   Pose rel_lin;                               ///< T_a_b that the factorisation was made with
   double weight_lin = 0.0;
   typename Space::Tangent e = Space::Tangent::Zero();  ///< error at the present estimate
   double chi2 = 0.0;                                   ///< unweighted e^T information e
+  double counted = 0.0;  ///< its share of the objective as summed so far: weight * chi2
+  typename Space::Tangent gradient_a = Space::Tangent::Zero();  ///< its share, as summed so far
+  typename Space::Tangent gradient_b = Space::Tangent::Zero();
 };
 
 /// Who is the gauge where groups meet: the lowest.
@@ -56,11 +62,12 @@ struct Seniority {
 template <class Space>
 struct Node {
   typename Space::Pose pose;
-  typename Space::Pose backup;  ///< before the last step
+  typename Space::Pose backup;  ///< at the stepper's reference
   Seniority seniority;
   int first_incidence = -1;  ///< 2 * factor + side
   int group = -1;            ///< the group's gauge node
   double anchor = 0.0;       ///< information that holds a gauge node where it is
+  int hung_from = -1;        ///< factor that placed it, until it is eliminated
   bool used = false;
 };
 

@@ -19,6 +19,22 @@ template <class Space>
   return Space::between(graph.node(f.a).pose, graph.node(f.b).pose);
 }
 
+/// information * e.
+template <class Space>
+[[nodiscard]] typename Space::Tangent weigh(const Factor<Space>& f,
+                                            const typename Space::Tangent& e) noexcept {
+  typename Space::Tangent out = Space::Tangent::Zero();
+  int k = 0;
+  for (int r = 0; r < Space::kDim; ++r) {
+    for (int c = 0; c < r; ++c, ++k) {
+      out[r] += f.information[k] * e[c];
+      out[c] += f.information[k] * e[r];
+    }
+    out[r] += f.information[k++] * e[r];
+  }
+  return out;
+}
+
 /// Math   docs/math/skeleton.md, eq. 6, at a given relative pose.
 template <class Space>
 [[nodiscard]] HessianBlocks<Space> hessian(const Factor<Space>& f, const typename Space::Pose& rel,

@@ -8,6 +8,7 @@
 #include "core/base/deadline.hpp"
 #include "core/skeleton/elimination.hpp"
 #include "core/skeleton/graph.hpp"
+#include "core/skeleton/stepper.hpp"
 
 namespace maplet {
 
@@ -62,44 +63,36 @@ class PoseGraph {
   [[nodiscard]] const Elimination<Space>& elimination() const noexcept { return elimination_; }
   [[nodiscard]] int group(int node) const noexcept { return graph_.node(node).group; }
   /// Sum of weight * e^T information e at the present estimate, evaluated afresh.
-  [[nodiscard]] double chi2() noexcept { return evaluate(); }
+  [[nodiscard]] double chi2() noexcept {
+    stepper_.evaluate_all();
+    return stepper_.chi2();
+  }
   /// Jobs that did not fit in the pool of blocks.
   [[nodiscard]] std::uint64_t overflows() const noexcept { return overflows_; }
 
  private:
-  enum class StepResult : std::uint8_t { kMoved, kConverged, kStuck };
-
   void mark_dirty(int factor) noexcept;
   void join_groups(int a, int b, const Pose& z) noexcept;
   void move_group(int gauge, int new_gauge, const Pose& by) noexcept;
   void appoint_gauge(int node) noexcept;
   void start_job() noexcept;
   void finish_job() noexcept;
-  double evaluate() noexcept;
-  void sequence_nodes() noexcept;
-  double solve() noexcept;
-  void move(double scale) noexcept;
-  void restore() noexcept;
-  StepResult step() noexcept;
-  int relinearise_stale(double threshold) noexcept;
+  void place_fresh_nodes() noexcept;
+  [[nodiscard]] double tolerance(bool idle) const noexcept;
 
   Graph<Space> graph_;
   Elimination<Space> elimination_;
-  std::span<Tangent> gradient_;
-  std::span<Tangent> delta_;
-  std::span<int> sequence_;  ///< all eliminated nodes, parents before children
-  std::span<int> dirty_;     ///< factors that wait for elimination
-  std::span<int> job_;       ///< factors of the job under way
-  int sequence_count_ = 0;
+  Stepper<Space> stepper_;
+  std::span<int> dirty_;  ///< factors that wait for elimination
+  std::span<int> job_;    ///< factors of the job under way
+  std::span<int> fresh_;  ///< nodes that are not eliminated yet, in order of arrival
   int dirty_count_ = 0;
   int job_count_ = 0;
+  int fresh_count_ = 0;
   int newest_ = kNone;
-  bool sequence_stale_ = true;
-  bool unsettled_ = false;
-  double chi2_ = 0.0;
-  double best_chi2_ = -1.0;  ///< before the last step, or < 0
-  double predicted_ = 0.0;   ///< what the last step should have gained
-  double scale_ = 1.0;       ///< of the step; below 1 after one that made things worse
+  bool objective_changed_ = false;
+  bool wants_step_ = false;
+  bool settled_ = true;
   std::uint64_t overflows_ = 0;
 };
 

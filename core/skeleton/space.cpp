@@ -1,6 +1,7 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #include "core/skeleton/space.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 namespace maplet {
@@ -53,10 +54,18 @@ void PlanarSpace::pull_back(const Se2& z, const Se2& rel, const Tangent& /*e*/, 
   grad_a = {-ux, -uy, rel.y * ux - rel.x * uy - v[2]};
 }
 
+PlanarSpace::Tangent PlanarSpace::push_forward(const Se2& z, const Se2& rel, const Tangent& /*e*/,
+                                               const Tangent& xi_a, const Tangent& xi_b) noexcept {
+  // In a's frame: b's end moves by R xi_b - rho_a - theta_a x t.
+  const double ux = rel.c * xi_b[0] - rel.s * xi_b[1] - xi_a[0] + xi_a[2] * rel.y;
+  const double uy = rel.s * xi_b[0] + rel.c * xi_b[1] - xi_a[1] - xi_a[2] * rel.x;
+  return {z.c * ux + z.s * uy, z.c * uy - z.s * ux, xi_b[2] - xi_a[2]};
+}
+
 double PlanarSpace::staleness(const Se2& now, const Se2& then) noexcept {
   const Se2 d = between(then, now);
-  const double lever = std::hypot(then.x, then.y) + 0.1;
-  return std::abs(d.s) + (d.c < 0.0 ? 1.0 : 0.0) + std::hypot(d.x, d.y) / lever;
+  const double lever = std::sqrt(then.x * then.x + then.y * then.y) + 0.1;
+  return std::abs(d.s) + (d.c < 0.0 ? 1.0 : 0.0) + std::sqrt(d.x * d.x + d.y * d.y) / lever;
 }
 
 bool PlanarSpace::finite(const Se2& a) noexcept { return std::isfinite(a.x + a.y + a.c + a.s); }
@@ -80,19 +89,86 @@ void SpatialSpace::jacobians(const Se3& /*z*/, const Se3& rel, const Vector6d& e
   by_a.noalias() = -by_b * rel.inverse().adjoint();
 }
 
+namespace {
+
+// Products with SE(3)'s inverse right Jacobian without its matrices:
+// Jr^-1 = [K, -K Q K; 0, K], K the inverse left Jacobian of SO(3) at -theta, Q at (-rho, -theta).
+struct InverseRightJacobian {
+  using Vector3 = Eigen::Vector3d;
+
+  explicit InverseRightJacobian(const Vector6d& xi) noexcept : r{-xi.head<3>()}, p{-xi.tail<3>()} {
+    const double a2 = p.squaredNorm();
+    if (a2 < 1e-4) {
+      k2 = 1.0 / 12.0 + a2 / 720.0;
+      c1 = 1.0 / 6.0 - a2 / 120.0;
+      c2 = 1.0 / 24.0 - a2 / 720.0;
+      c3 = 1.0 / 120.0 - a2 / 2520.0;
+      return;
+    }
+    const double a = std::sqrt(a2);
+    const double s = std::sin(a);
+    const double c = std::cos(a);
+    k2 = (1.0 - 0.5 * a * s / (1.0 - c)) / a2;
+    c1 = (a - s) / (a2 * a);
+    c2 = (a2 + 2.0 * c - 2.0) / (2.0 * a2 * a2);
+    c3 = (2.0 * a - 3.0 * s + a * c) / (2.0 * a2 * a2 * a);
+  }
+  /// K x; transposed with sign = -1.
+  [[nodiscard]] Vector3 k(const Vector3& x, double sign) const noexcept {
+    const Vector3 px = p.cross(x);
+    return x - 0.5 * sign * px + k2 * p.cross(px);
+  }
+  /// Q x; transposed with sign = -1: every product of n cross matrices changes sign n times and its
+  /// order, and Q's terms come in pairs of both orders.
+  [[nodiscard]] Vector3 q(const Vector3& x, double sign) const noexcept {
+    const Vector3 px = p.cross(x);
+    const Vector3 rx = r.cross(x);
+    const Vector3 ppx = p.cross(px);
+    const Vector3 prx = p.cross(rx);
+    const Vector3 rpx = r.cross(px);
+    const Vector3 prpx = p.cross(rpx);
+    return sign * 0.5 * rx + c1 * (prx + rpx + sign * prpx) +
+           c2 * (sign * (p.cross(prx) + r.cross(ppx)) - sign * 3.0 * prpx) +
+           c3 * (p.cross(r.cross(ppx)) + p.cross(prpx));
+  }
+
+  Vector3 r, p;
+  double k2, c1, c2, c3;
+};
+
+}  // namespace
+
 void SpatialSpace::pull_back(const Se3& /*z*/, const Se3& rel, const Vector6d& e, const Vector6d& v,
                              Vector6d& grad_a, Vector6d& grad_b) noexcept {
-  grad_b.noalias() = right_jacobian_inverse(e).transpose() * v;
-  // -Ad(rel^-1)^T grad_b, with Ad(rel^-1) = [R^T, -R^T [t]x; 0, R^T].
-  const Eigen::Vector3d f = rel.q * grad_b.head<3>();
-  const Eigen::Vector3d m = rel.q * grad_b.tail<3>();
-  grad_a.head<3>() = -f;
-  grad_a.tail<3>() = -(rel.t.cross(f) + m);
+  const InverseRightJacobian j{e};
+  const Eigen::Vector3d f = j.k(v.head<3>(), -1.0);
+  const Eigen::Vector3d m = j.k(v.tail<3>() - j.q(f, -1.0), -1.0);
+  grad_b << f, m;
+  // grad_a = -Ad(rel^-1)^T grad_b, with Ad(rel^-1) = [R^T, -R^T [t]x; 0, R^T].
+  const Eigen::Matrix3d rotation = rel.rotation();
+  const Eigen::Vector3d rf = rotation * f;
+  grad_a.head<3>() = -rf;
+  grad_a.tail<3>() = -(rel.t.cross(rf) + rotation * m);
+}
+
+Vector6d SpatialSpace::push_forward(const Se3& /*z*/, const Se3& rel, const Vector6d& e,
+                                    const Vector6d& xi_a, const Vector6d& xi_b) noexcept {
+  const Eigen::Matrix3d inverse = rel.rotation().transpose();
+  const Eigen::Vector3d theta = xi_b.tail<3>() - inverse * xi_a.tail<3>();
+  const Eigen::Vector3d rho =
+      xi_b.head<3>() - inverse * (xi_a.head<3>() - rel.t.cross(xi_a.tail<3>()));
+  const InverseRightJacobian j{e};
+  const Eigen::Vector3d turned = j.k(theta, 1.0);
+  Vector6d out;
+  out << j.k(rho - j.q(turned, 1.0), 1.0), turned;
+  return out;
 }
 
 double SpatialSpace::staleness(const Se3& now, const Se3& then) noexcept {
-  const double angle = 2.0 * (then.q.conjugate() * now.q).vec().norm();
-  return angle + (now.t - then.t).norm() / (then.t.norm() + 0.1);
+  // |q1 - q2| is half the angle between them.
+  const double apart = std::min((then.q.coeffs() - now.q.coeffs()).squaredNorm(),
+                                (then.q.coeffs() + now.q.coeffs()).squaredNorm());
+  return 2.0 * std::sqrt(apart) + (now.t - then.t).norm() / (then.t.norm() + 0.1);
 }
 
 bool SpatialSpace::finite(const Se3& a) noexcept {

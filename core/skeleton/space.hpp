@@ -40,6 +40,9 @@ struct PlanarSpace {
   /// grad_a = by_a^T v, grad_b = by_b^T v, without forming the Jacobians where that is cheaper.
   static void pull_back(const Pose& z, const Pose& rel, const Tangent& e, const Tangent& v,
                         Tangent& grad_a, Tangent& grad_b) noexcept;
+  /// by_a * xi_a + by_b * xi_b: how the error changes.
+  [[nodiscard]] static Tangent push_forward(const Pose& z, const Pose& rel, const Tangent& e,
+                                            const Tangent& xi_a, const Tangent& xi_b) noexcept;
   /// How far two relative poses are apart for a linearisation: rad, and m per m of lever.
   [[nodiscard]] static double staleness(const Pose& now, const Pose& then) noexcept;
   [[nodiscard]] static bool finite(const Pose& a) noexcept;
@@ -60,6 +63,9 @@ struct SpatialSpace {
                         Block& by_b) noexcept;
   static void pull_back(const Pose& z, const Pose& rel, const Tangent& e, const Tangent& v,
                         Tangent& grad_a, Tangent& grad_b) noexcept;
+  /// by_a * xi_a + by_b * xi_b: how the error changes.
+  [[nodiscard]] static Tangent push_forward(const Pose& z, const Pose& rel, const Tangent& e,
+                                            const Tangent& xi_a, const Tangent& xi_b) noexcept;
   [[nodiscard]] static double staleness(const Pose& now, const Pose& then) noexcept;
   [[nodiscard]] static bool finite(const Pose& a) noexcept;
 };

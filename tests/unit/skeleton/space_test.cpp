@@ -57,11 +57,11 @@ TYPED_TEST(SpaceTest, JacobiansMatchNumericOnes) {
   }
 }
 
-TYPED_TEST(SpaceTest, PullBackIsTheTransposedJacobian) {
+TYPED_TEST(SpaceTest, PullBackAndPushForwardAreTheJacobians) {
   using Space = TypeParam;
   for (int trial = 0; trial < 20; ++trial) {
     const auto z = this->random_pose(1.0);
-    const auto rel = Space::retract(z, this->random_tangent(0.5));
+    const auto rel = Space::retract(z, this->random_tangent(trial < 10 ? 0.5 : 1e-3));
     const auto e = Space::error(z, rel);
     const auto v = this->random_tangent(3.0);
     typename Space::Block by_a, by_b;
@@ -70,6 +70,10 @@ TYPED_TEST(SpaceTest, PullBackIsTheTransposedJacobian) {
     Space::pull_back(z, rel, e, v, grad_a, grad_b);
     EXPECT_LT((grad_a - by_a.transpose() * v).norm(), 1e-9);
     EXPECT_LT((grad_b - by_b.transpose() * v).norm(), 1e-9);
+    const auto xi_a = this->random_tangent(1.0);
+    const auto xi_b = this->random_tangent(1.0);
+    EXPECT_LT((Space::push_forward(z, rel, e, xi_a, xi_b) - by_a * xi_a - by_b * xi_b).norm(),
+              1e-9);
   }
 }
 

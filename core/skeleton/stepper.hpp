@@ -1,0 +1,155 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "core/base/arena.hpp"
+#include "core/base/deadline.hpp"
+#include "core/skeleton/elimination.hpp"
+#include "core/skeleton/graph.hpp"
+
+namespace maplet {
+
+/// Moves the estimate downhill: exact gradient, two triangular solves with the factor at hand, a
+/// guarded move. Each part touches only what changed: factors of nodes that moved, paths of nodes
+/// with a gradient, subtrees that the step reaches.
+///
+/// Memory   fixed, from the arena.
+/// Time     step() stops at the deadline in any of its phases and goes on from there when called
+///          again; only the move itself is not divided.
+/// Math     docs/math/skeleton.md, section 5.
+template <class Space>
+class Stepper {
+ public:
+  static constexpr int kNone = -1;
+  static constexpr int kDim = Space::kDim;
+  using Tangent = typename Space::Tangent;
+
+  enum class Result : std::uint8_t {
+    kDeadline,   ///< in the middle; call again
+    kMoved,      ///< a step was made
+    kConverged,  ///< no step gains more than the tolerance
+    kStale,      ///< the last step was poor: relinearise(), eliminate, call again
+    kStuck,      ///< no step along the direction gains anything
+  };
+
+  Stepper(Graph<Space>& graph, const Elimination<Space>& elimination, Arena& arena);
+
+  /// Brings a factor's error and gradient up to date. @return how much weight * chi2 changed
+  double evaluate(int factor) noexcept;
+  void evaluate_all() noexcept;
+  /// Takes a factor's share out; it is about to be removed or switched off.
+  void withdraw(int factor) noexcept;
+  /// The objective changed (factors, weights, groups): lows so far do not compare with what
+  /// follows.
+  void forget_step() noexcept;
+  /// To call before the objective changes: leaves no step behind that has made things worse.
+  void conclude() noexcept;
+
+  /// Works towards one step. @param tolerance  gain (in chi2) below which no step is made
+  [[nodiscard]] Result step(Deadline deadline, double tolerance) noexcept;
+  /// A whole step without guard and pruning. @return its predicted gain
+  double full_step() noexcept;
+  /// Undoes the last full step.
+  void restore() noexcept { back_to_reference(); }
+  /// In the middle of a step: the elimination must stay as it is.
+  [[nodiscard]] bool busy() const noexcept { return phase_ != Phase::kIdle; }
+  /// Factors wait for evaluation: the last step has not been looked at.
+  [[nodiscard]] bool unverified() const noexcept { return queue_count_ > 0; }
+  /// Calls mark(factor) for the factors that the last evaluation found worth linearising anew.
+  template <class Mark>
+  void take_stale(Mark&& mark) noexcept {
+    for (int k = 0; k < stale_count_; ++k) {
+      graph_.factor(stale_[k]).state.stale = false;
+      mark(stale_[k]);
+    }
+    stale_count_ = 0;
+  }
+  [[nodiscard]] bool has_stale() const noexcept { return stale_count_ > 0; }
+
+  int moved_count() const { return moved_count_; }
+  int sequence_count() const { return sequence_count_; }
+  [[nodiscard]] double chi2() const noexcept { return chi2_; }
+  /// gradient^T H^-1 gradient of the last step's start (eq. 11).
+  [[nodiscard]] double predicted() const noexcept { return predicted_; }
+
+ private:
+  static constexpr int kPatience = 4;  ///< steps that may pass without a new low
+
+  enum class Phase : std::uint8_t { kIdle, kEvaluate, kForward, kBackward };
+
+  void queue(int factor) noexcept;
+  void note_staleness(int factor, const typename Space::Pose& rel, const Tangent& before) noexcept;
+  void take_reference() noexcept;
+  void back_to_reference() noexcept;
+  void add_gradient(int node, const Tangent& change) noexcept;
+  void mark_paths(double threshold) noexcept;
+  void sequence_marked() noexcept;
+  void forward_one(int node) noexcept;
+  /// @return whether anything below may move
+  bool backward_one(int node, double threshold) noexcept;
+  void start_backward() noexcept;
+  bool backward(Deadline deadline) noexcept;
+  void aim() noexcept;
+  [[nodiscard]] double curvature() noexcept;
+  void move() noexcept;
+  [[nodiscard]] Result judge(double tolerance) noexcept;
+  [[nodiscard]] bool late(Deadline deadline, int work) noexcept;
+
+  struct State {  // of a node
+    Tangent gradient = Tangent::Zero();
+    Tangent delta = Tangent::Zero();      ///< preconditioned gradient, in the making or made
+    Tangent direction = Tangent::Zero();  ///< of the last step
+    Tangent step = Tangent::Zero();       ///< that step itself
+    std::int64_t marked = 0;              ///< on a path of this step
+    std::int64_t moved = 0;               ///< has a delta in this step
+    std::int64_t aimed = 0;               ///< has a direction in this step
+    bool seed = false;                    ///< in seeds_
+    bool saved = false;                   ///< in saved_: its backup is its pose at the reference
+  };
+
+  Graph<Space>& graph_;
+  const Elimination<Space>& elimination_;
+  std::span<State> state_;
+  std::span<int> seeds_;     ///< nodes whose gradient changed since they were last solved for
+  std::span<int> sequence_;  ///< marked nodes, parents first
+  std::span<int> moved_;     ///< by the last step
+  std::span<int> earlier_;   ///< by the one before
+  std::span<int> saved_;     ///< nodes moved since the reference
+  std::span<int> queue_;     ///< factors to evaluate
+  std::span<int> stale_;     ///< factors to linearise anew
+  std::span<int> roots_;     ///< of marked paths
+  int seed_count_ = 0;
+  int sequence_count_ = 0;
+  int moved_count_ = 0;
+  int earlier_count_ = 0;
+  int queue_count_ = 0;
+  int stale_count_ = 0;
+  int root_count_ = 0;
+  int saved_count_ = 0;
+  int since_reference_ = 0;
+  int cursor_ = 0;
+  int root_cursor_ = 0;
+  int walk_ = kNone;  ///< backward's place in the tree
+  std::int64_t stamp_ = 0;
+  Phase phase_ = Phase::kIdle;
+  double chi2_ = 0.0;
+  double reference_ = -1.0;  ///< lowest chi2 so far; < 0: none, as the elimination changed
+  double loss_ = 0.0;        ///< what the linear model missed in the last step, whitened
+  double stale_above_ = 0.0;
+  double last_chi2_ = 0.0;  ///< before the last step
+  std::int64_t last_stamp_ = -1;
+  double predicted_ = 0.0;
+  double last_power_ = 0.0;  ///< predicted_ of the step before, while directions conjugate
+  double expected_ = 0.0;    ///< decrease of chi2 that the last step's model promised
+  bool careful_ = false;     ///< the factor at hand is too stale for its steps to be believed
+  double prune_ = 0.0;
+  double scale_ = 1.0;
+  int effort_ = 0;
+};
+
+extern template class Stepper<PlanarSpace>;
+extern template class Stepper<SpatialSpace>;
+
+}  // namespace maplet
