@@ -68,8 +68,6 @@ class Stepper {
   }
   [[nodiscard]] bool has_stale() const noexcept { return stale_count_ > 0; }
 
-  int moved_count() const { return moved_count_; }
-  int sequence_count() const { return sequence_count_; }
   [[nodiscard]] double chi2() const noexcept { return chi2_; }
   /// gradient^T H^-1 gradient of the last step's start (eq. 11).
   [[nodiscard]] double predicted() const noexcept { return predicted_; }
