@@ -47,6 +47,8 @@ class Elimination {
   /// Gives the job up; the factor stays as it was. Possible before kCommitted, in the ordering
   /// only.
   void abandon() noexcept;
+  /// Throws the pool's garbage out. @pre !busy()
+  void compact() noexcept { pool_.compact(); }
   /// Forgets a node that no factor touches and no column holds as a row. @pre !busy()
   void forget(int node) noexcept;
 

@@ -147,6 +147,25 @@ void PoseGraph<Space>::start_job() noexcept {
   elimination_.begin();
 }
 
+// The new columns did not fit. Once more without the garbage; then the new factors are set aside
+// and counted, and the estimate goes on without them.
+template <class Space>
+void PoseGraph<Space>::overcome_overflow() noexcept {
+  const bool again = elimination_.pool().live() < elimination_.pool().end();
+  for (int k = 0; k < job_count_; ++k) {
+    FactorState& s = graph_.factor(job_[k]).state;
+    s.in_job = false;
+    if (again) {
+      mark_dirty(job_[k]);
+    } else if (!s.integrated) {
+      s.active = false;
+      ++overflows_;
+    }
+  }
+  job_count_ = 0;
+  elimination_.compact();
+}
+
 template <class Space>
 void PoseGraph<Space>::finish_job() noexcept {
   double change = 0.0;
@@ -189,7 +208,10 @@ SolveReport PoseGraph<Space>::update(Deadline deadline, int max_iterations) noex
           report.stop = Stop::kDeadline;
           break;
         }
-        if (result == Elimination<Space>::Result::kFull) ++overflows_;  // kept waiting
+        if (result == Elimination<Space>::Result::kFull) {
+          overcome_overflow();
+          continue;
+        }
         finish_job();
         continue;
       }

@@ -67,7 +67,7 @@ class PoseGraph {
     stepper_.evaluate_all();
     return stepper_.chi2();
   }
-  /// Jobs that did not fit in the pool of blocks.
+  /// Factors set aside because their elimination did not fit in the pool of blocks.
   [[nodiscard]] std::uint64_t overflows() const noexcept { return overflows_; }
 
  private:
@@ -77,6 +77,7 @@ class PoseGraph {
   void appoint_gauge(int node) noexcept;
   void start_job() noexcept;
   void finish_job() noexcept;
+  void overcome_overflow() noexcept;
   void place_fresh_nodes() noexcept;
   [[nodiscard]] double tolerance(bool idle) const noexcept;
 

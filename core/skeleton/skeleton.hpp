@@ -38,7 +38,7 @@ struct SkeletonCounters {
   std::uint64_t factors_full = 0;
   std::uint64_t joined_groups = 0;
   std::uint64_t damped_pivots = 0;
-  std::uint64_t overflows = 0;  ///< eliminations that did not fit in the blocks
+  std::uint64_t overflows = 0;  ///< factors set aside: no room for their elimination
 };
 
 /// The global pose graph of maplet origins, of all agents.

@@ -187,6 +187,18 @@ TYPED_TEST(PoseGraphTest, CarriesOverWhatTheDeadlineCutOff) {
   EXPECT_NEAR(graph.chi2(), batch.chi2(), 1e-3 * batch.chi2());
 }
 
+TYPED_TEST(PoseGraphTest, SetsFactorsAsideWhenTheBlocksAreUsedUp) {
+  using Space = TypeParam;
+  const test::RandomGraph<Space> random{200, 0.02, 6};
+  Arena arena;
+  PoseGraph<Space> graph{{400, 1200, 700}, arena};
+  TestFixture::feed(graph, random, true);
+  EXPECT_GT(graph.overflows(), 0u);
+  EXPECT_LT(graph.overflows(), 100u);
+  for (int i = 0; i < 200; ++i) EXPECT_TRUE(Space::finite(graph.graph().node(i).pose));
+  EXPECT_TRUE(std::isfinite(graph.chi2()));
+}
+
 TYPED_TEST(PoseGraphTest, NeverAllocatesAfterConstruction) {
   using Space = TypeParam;
 #ifdef MAPLET_SANITIZED
