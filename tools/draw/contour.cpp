@@ -66,14 +66,14 @@ CoverGrid::CoverGrid(const Bounds& bounds, double cell_m) {
   values_.assign(static_cast<std::size_t>(columns_) * rows_, 0.0F);
 }
 
-void CoverGrid::cover(const Vector2d& p) noexcept {
+std::optional<std::size_t> CoverGrid::cell_of(const Vector2d& p) const noexcept {
   const Vector2d cell = (p - origin_) / cell_m_;
   const double column = std::round(cell.x());
   const double row = std::round(cell.y());
-  if (column < kBorder || row < kBorder || column >= columns_ - kBorder || row >= rows_ - kBorder) {
-    return;
-  }
-  at(static_cast<int>(column), static_cast<int>(row)) = 1.0F;
+  const bool inside =
+      column >= kBorder && row >= kBorder && column < columns_ - kBorder && row < rows_ - kBorder;
+  if (!inside) return {};
+  return static_cast<std::size_t>(row) * columns_ + static_cast<std::size_t>(column);
 }
 
 void CoverGrid::box_blur(int radius) {

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstddef>
+#include <optional>
 #include <vector>
 
 namespace maplet::draw {
@@ -27,7 +29,15 @@ class CoverGrid {
   /// Squares of `cell_m`, or wider where that would be more than a few million.
   CoverGrid(const Bounds& bounds, double cell_m);
 
-  void cover(const Eigen::Vector2d& p) noexcept;
+  void cover(const Eigen::Vector2d& p) noexcept {
+    if (const auto cell = cell_of(p)) cover_cell(*cell);
+  }
+  void cover_cell(std::size_t cell) noexcept { values_[cell] = 1.0F; }
+  /// Row by row; nothing outside the bounds.
+  [[nodiscard]] std::optional<std::size_t> cell_of(const Eigen::Vector2d& p) const noexcept;
+  [[nodiscard]] std::size_t cells() const noexcept { return values_.size(); }
+  [[nodiscard]] int columns() const noexcept { return columns_; }
+  [[nodiscard]] double cell_m() const noexcept { return cell_m_; }
   /// Closes gaps and rounds corners narrower than about `radius_m`.
   void smooth(double radius_m);
   /// The closed outlines of what is covered by half or more; holes too (fill by the even-odd rule).

@@ -10,7 +10,6 @@ namespace {
 
 using Eigen::Vector2d;
 
-constexpr double kTall_m = 0.9;  // as a wall, not a table's side
 constexpr double kCasing_px = 3.0;
 constexpr double kDotRadius_px = 4.5;
 
@@ -30,11 +29,7 @@ Polyline Projection::operator()(const Polyline& line_m) const {
   return out;
 }
 
-LineWidths widths_at(double px_per_m) {
-  const double wall_px = std::clamp(0.07 * px_per_m, 2.4, 8.0);
-  return {wall_px, std::clamp(0.4 * wall_px, 1.2, 2.4), std::clamp(0.045 * px_per_m, 3.0, 5.0),
-          1.6};
-}
+LineWidths widths_at(double px_per_m) { return {std::clamp(0.045 * px_per_m, 3.0, 5.0), 1.6}; }
 
 void draw_floor(Canvas& canvas, const Projection& project, const Plan& plan) {
   canvas.fill(projected(project, plan.floor), kFloor);
@@ -44,15 +39,8 @@ void draw_floor(Canvas& canvas, const Projection& project, const Plan& plan) {
 }
 
 void draw_walls(Canvas& canvas, const Projection& project, const Plan& plan) {
-  const LineWidths widths = widths_at(project.px_per_m);
-  for (const bool tall : {false, true}) {
-    for (const AgentPlan& agent : plan.agents) {
-      for (const WallStretch& wall : agent.walls) {
-        if ((wall.high_m > kTall_m) != tall) continue;
-        canvas.stroke({project(wall.from), project(wall.to)},
-                      tall ? Pen{widths.wall_px, kWall} : Pen{widths.low_px, kLowThing});
-      }
-    }
+  for (std::size_t i = 0; i < plan.walls.size(); ++i) {
+    canvas.fill(projected(project, plan.walls[i]), kWalls[i]);
   }
 }
 

@@ -25,9 +25,9 @@ void draw_walls(Canvas& canvas, const Projection& project, const Plan& plan);
 void draw_paths(Canvas& canvas, const Projection& project, const Plan& plan);
 void draw_skeleton(Canvas& canvas, const Projection& project, const Plan& plan);
 
-/// How wide walls and paths are at this scale; the legend's samples are drawn with the same.
+/// How wide paths are at this scale; the legend's samples are drawn with the same.
 struct LineWidths {
-  double wall_px, low_px, path_px, thin_px;
+  double path_px, thin_px;
 };
 [[nodiscard]] LineWidths widths_at(double px_per_m);
 

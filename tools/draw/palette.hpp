@@ -1,6 +1,7 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <cstddef>
 
 #include "tools/draw/canvas.hpp"
@@ -15,8 +16,7 @@ inline constexpr Colour kHairline{0xD5DADE};
 inline constexpr Colour kFloor{0xEFF2F4};
 inline constexpr Colour kTops{0xDFE5E9};
 inline constexpr Colour kTopsEdge{0xC3CCD3};
-inline constexpr Colour kWall{0x27323B};
-inline constexpr Colour kLowThing{0x95A2AC};
+inline constexpr std::array<Colour, 3> kWalls{{{0xAEB9C1}, {0x6E7B86}, {0x27323B}}};  // low to high
 inline constexpr Colour kOdometry{0xE69F00};
 inline constexpr Colour kClosure{0xD55E00};
 

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "tools/draw/heights.hpp"
 #include "tools/draw/level.hpp"
 
 namespace maplet::draw {
@@ -17,11 +18,14 @@ using files::Run;
 using files::Surface;
 
 constexpr double kLevelCosine = 0.94;  // 20 deg off level still counts as level
-constexpr double kUprightSine = 0.34;  // and off upright as upright
+constexpr double kUprightSine = 0.5;   // 30 deg off upright still counts as upright
 constexpr double kSample_m = 0.04;
 constexpr double kGrid_m = 0.04;
 constexpr double kFloorThickness_m = 0.25;
-constexpr double kPathSimplify_m = 0.005;
+constexpr double kPathSimplify_m = 0.001;
+constexpr double kWallGrid_m = 0.02;
+constexpr double kGridsAcross = 900.0;  // walls as lines of some two pixels or more
+constexpr double kMinSpeck_m = 0.15;
 
 [[nodiscard]] bool level(const Surface& s) { return std::abs(s.plane.n.z()) > kLevelCosine; }
 [[nodiscard]] bool upright(const Surface& s) { return std::abs(s.plane.n.z()) < kUprightSine; }
@@ -140,6 +144,30 @@ template <class Wanted>
   return lines;
 }
 
+[[nodiscard]] bool speck(const Polyline& line) {
+  Bounds box;
+  for (const Vector2d& p : line) box.include(p);
+  return box.size().norm() < kMinSpeck_m;
+}
+
+/// Outlines of upright surfaces, by height.
+void add_walls(const std::vector<Surface>& page, Plan& plan) {
+  HeightGrid grid{plan.bounds, std::max(kWallGrid_m, plan.bounds.size().maxCoeff() / kGridsAcross)};
+  for (const Surface& s : page) {
+    if (!upright(s)) continue;
+    for (const files::Strip& strip : s.strips) {
+      sample(strip, 0.7 * grid.cell_m(), [&](const Vector3d& p) { grid.add(p); });
+    }
+  }
+  for (std::size_t i = 0; i < kWallHeights_m.size(); ++i) {
+    CoverGrid cover = grid.at_least(kWallHeights_m[i]);
+    cover.smooth(grid.cell_m());
+    for (const Polyline& line : cover.outlines()) {
+      if (!speck(line)) plan.walls[i].push_back(simplified(line, 0.15 * grid.cell_m()));
+    }
+  }
+}
+
 [[nodiscard]] AgentPlan agent_plan(const Run& run, const Matrix3d& R_page_world) {
   AgentPlan agent;
   agent.name = run.name;
@@ -180,18 +208,15 @@ template <class Wanted>
 
 Plan make_plan(std::span<const Run> runs, const std::optional<Vector3d>& up) {
   std::vector<Surface> world;
-  std::vector<std::size_t> agent_of;
-  Vector3d forward = Vector3d::UnitZ();
-  for (std::size_t i = 0; i < runs.size(); ++i) {
-    for (const files::RunMaplet& maplet : runs[i].maplets) {
+  for (const Run& run : runs) {
+    for (const files::RunMaplet& maplet : run.maplets) {
       for (const Surface& surface : maplet.surfaces) {
         world.push_back(files::moved(maplet.T_world_maplet.se3, surface));
-        agent_of.push_back(i);
       }
     }
   }
   const Vector3d upwards = up ? up->normalized() : find_up(world, -Vector3d::UnitY());
-  const Matrix3d R_page_world = lay_out(world, upwards, forward);
+  const Matrix3d R_page_world = lay_out(world, upwards, Vector3d::UnitZ());
   const Se3 T_page_world{Eigen::Quaterniond{R_page_world}, Vector3d::Zero()};
 
   Plan plan;
@@ -199,16 +224,12 @@ Plan make_plan(std::span<const Run> runs, const std::optional<Vector3d>& up) {
   for (const Run& run : runs) plan.agents.push_back(agent_plan(run, R_page_world));
   std::vector<Surface> page;
   page.reserve(world.size());
-  for (std::size_t i = 0; i < world.size(); ++i) {
-    page.push_back(files::moved(T_page_world, world[i]));
-    if (!upright(page.back())) continue;
-    auto& walls = plan.agents[agent_of[i]].walls;
-    std::ranges::move(stretches_of(page.back()), std::back_inserter(walls));
-  }
+  for (const Surface& surface : world) page.push_back(files::moved(T_page_world, surface));
   plan.bounds = bounds_of(page, plan.agents);
   if (plan.bounds.empty()) {
     throw std::runtime_error{"nothing to draw: no pose was tracked and no maplet closed"};
   }
+  add_walls(page, plan);
   if (const auto floor_m = floor_height_m(page)) {
     double tops_m2 = 0.0;
     plan.floor = areas(page, plan.bounds, plan.counts.floor_m2,

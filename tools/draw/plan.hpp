@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <span>
@@ -9,7 +10,6 @@
 #include <vector>
 
 #include "tools/draw/contour.hpp"
-#include "tools/draw/walls.hpp"
 #include "tools/files/run_folder.hpp"
 
 namespace maplet::draw {
@@ -29,7 +29,6 @@ struct AgentPlan {
   std::vector<Polyline> trajectory;  ///< the same
   std::vector<Origin> origins;       ///< of maplets: the skeleton's nodes, by id
   std::vector<Edge> edges;
-  std::vector<WallStretch> walls;
 };
 
 /// Figures for the title.
@@ -43,11 +42,16 @@ struct PlanCounts {
   std::optional<double> point_cloud_bytes;  ///< the same
 };
 
+/// Upright surfaces are drawn darker where at least this much of their height was seen.
+inline constexpr std::array<double, 3> kWallHeights_m{0.2, 0.7, 1.4};
+
 /// The whole picture before it is ink.
 struct Plan {
   Bounds bounds;
   std::vector<Polyline> floor;  ///< closed outlines, even-odd
   std::vector<Polyline> tops;   ///< of tables, shelves, stairs: level and above the floor
+  /// Of upright surfaces, the low ones first; each lies inside the one before.
+  std::array<std::vector<Polyline>, kWallHeights_m.size()> walls;
   std::vector<AgentPlan> agents;
   PlanCounts counts;
 };

@@ -95,6 +95,24 @@ struct Entry {
           }};
 }
 
+/// One box in three shades.
+[[nodiscard]] Entry walls_entry() {
+  static constexpr double kShade_px = 14.0;
+  return {fmt::format("upright: over {:g}, {:g}, {:g} m seen", kWallHeights_m[0], kWallHeights_m[1],
+                      kWallHeights_m[2]),
+          3.0 * kShade_px, [](Canvas& canvas, const Vector2d& at) {
+            for (std::size_t i = 0; i < kWalls.size(); ++i) {
+              const double left_px = at.x() + static_cast<double>(i) * kShade_px;
+              const double right_px = left_px + kShade_px;
+              const Polyline box{{left_px, at.y() - 9.0},
+                                 {right_px, at.y() - 9.0},
+                                 {right_px, at.y() + 9.0},
+                                 {left_px, at.y() + 9.0}};
+              canvas.fill(std::span{&box, 1}, kWalls[i]);
+            }
+          }};
+}
+
 [[nodiscard]] Entry origin_entry(const char* words) {
   return {words, 2.0 * kOriginRadius_px, [](Canvas& canvas, const Vector2d& at) {
             draw_origin(canvas, at + Vector2d{kOriginRadius_px, 0.0}, "0", agent_colour(0));
@@ -106,10 +124,7 @@ struct Entry {
   const LineWidths widths = widths_at(px_per_m);
   const auto any = [&](auto has) { return std::ranges::any_of(plan.agents, has); };
   std::vector<Entry> out;
-  if (any([](const AgentPlan& a) { return !a.walls.empty(); })) {
-    out.push_back(line_entry("wall", {widths.wall_px, kWall}));
-    out.push_back(line_entry("low side", {widths.low_px, kLowThing}));
-  }
+  if (!plan.walls[0].empty()) out.push_back(walls_entry());
   if (!plan.floor.empty()) out.push_back(area_entry("floor", kFloor, kHairline));
   if (!plan.tops.empty()) out.push_back(area_entry("table, shelf", kTops, kTopsEdge));
   for (std::size_t i = 0; i < plan.agents.size(); ++i) {

@@ -69,7 +69,9 @@ void read_maplets(const fs::path& folder, Run& run) {
     if (entry.path().extension() != ".maplet") continue;
     if (const auto id = id_of(entry.path())) files[*id] = entry.path();
   }
+  double bytes = 0.0;
   for (const auto& [id, file] : files) {
+    bytes += static_cast<double>(fs::file_size(file));
     const auto node = run.nodes.find(id);
     if (node == run.nodes.end()) {
       ++run.unplaced;
@@ -78,6 +80,7 @@ void read_maplets(const fs::path& folder, Run& run) {
     run.maplets.push_back(
         {id, Transform<WorldFrame, MapletFrame>{node->second}, surfaces_of(*read_maplet(file))});
   }
+  if (!files.empty()) run.counts.maplet_bytes = bytes;
 }
 
 template <class T>
@@ -87,22 +90,15 @@ template <class T>
   return report.at(at).get<T>();
 }
 
-[[nodiscard]] RunCounts read_counts(const fs::path& file) {
-  if (!fs::exists(file)) return {};
+void read_counts(const fs::path& file, RunCounts& counts) {
+  if (!fs::exists(file)) return;
   std::ifstream in{file};
   const nlohmann::json report = nlohmann::json::parse(in, nullptr, false);
   if (report.is_discarded()) throw std::runtime_error{fmt::format("{}: no JSON", file.string())};
-  RunCounts counts;
   counts.frames = number_at<std::uint64_t>(report, "/frames/processed");
-  if (const auto count = number_at<double>(report, "/maplets/count")) {
-    const auto total = [&](const char* mean) -> std::optional<double> {
-      const auto value = number_at<double>(report, mean);
-      return value ? std::optional{*value * *count} : std::nullopt;
-    };
-    counts.maplet_bytes = total("/maplets/bytes_mean");
-    counts.point_cloud_bytes = total("/maplets/point_cloud_bytes_mean");
-  }
-  return counts;
+  const auto count = number_at<double>(report, "/maplets/count");
+  const auto mean = number_at<double>(report, "/maplets/point_cloud_bytes_mean");
+  if (count && mean) counts.point_cloud_bytes = *count * *mean;
 }
 
 }  // namespace
@@ -121,7 +117,7 @@ Run read_run(const fs::path& folder) {
   run.trajectory = read_trajectory(folder / "trajectory.tum");
   read_skeleton(skeleton, run);
   read_maplets(folder / "maplets", run);
-  run.counts = read_counts(folder / "report.json");
+  read_counts(folder / "report.json", run.counts);
   return run;
 }
 

@@ -28,11 +28,11 @@ struct RunMaplet {
   std::vector<Surface> surfaces;  ///< maplet's frame
 };
 
-/// Figures of report.json, where it says them.
+/// Figures, where the folder tells them.
 struct RunCounts {
-  std::optional<std::uint64_t> frames;
-  std::optional<double> maplet_bytes;       ///< of all maplets
-  std::optional<double> point_cloud_bytes;  ///< of what they stand for
+  std::optional<std::uint64_t> frames;      ///< report.json
+  std::optional<double> maplet_bytes;       ///< of all maplet files
+  std::optional<double> point_cloud_bytes;  ///< of what they stand for: report.json
 };
 
 /// A run as its --out folder holds it. The world is the first frame's camera.
