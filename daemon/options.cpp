@@ -42,7 +42,8 @@ int parse_options(int argc, char** argv, Options& options) {
          "--pace", options.pace,
          "Of recordings: fast (default; limits in counts decide, results are bit-identical) "
          "or recorded (wall clock, deadlines decide)")
-      ->transform(CLI::CheckedTransformer(paces));
+      ->transform(CLI::CheckedTransformer(paces))
+      ->option_text("fast|recorded");
   app.add_option("--agent", options.agent, "This agent's number, unique among agents (0..65535)");
   bool no_dds = false;
   bool check = false;
