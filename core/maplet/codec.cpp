@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 #include "core/base/crc.hpp"
 #include "core/maplet/bit_coder.hpp"
@@ -22,22 +23,46 @@ constexpr std::int64_t kMaxLength = static_cast<std::int64_t>(codec::kMaxDistanc
 constexpr int kMinCell_mm = 5;
 constexpr int kMaxCell_mm = 1000;
 
-// A cell is predicted from six that came before it: its neighbours left (2) and above (4).
+// A cell is predicted from six that came before it: its neighbours left (2) and above (4). Learnt
+// over all planes of a maplet.
 class CellModels {
  public:
-  BitModel& of(const Maplet& m, const CellGrid& grid, int column, int row) noexcept {
-    const auto at = [&](int c, int r) -> unsigned {
-      return c >= 0 && r >= 0 && c < grid.columns && m.cell(grid, c, r) ? 1U : 0U;
-    };
-    const unsigned context = at(column - 1, row) | at(column - 2, row) << 1 |
-                             at(column, row - 1) << 2 | at(column - 1, row - 1) << 3 |
-                             at(column + 1, row - 1) << 4 | at(column, row - 2) << 5;
+  void start_grid() noexcept {
+    for (auto& row : rows_) row.fill(0);
+  }
+  void start_row() noexcept {
+    std::swap(rows_[2], rows_[1]);
+    std::swap(rows_[1], rows_[0]);
+    left_ = 0;
+  }
+  [[nodiscard]] BitModel& at(int column) noexcept {
+    const std::uint8_t* above = &rows_[1][static_cast<std::size_t>(column) + 1];
+    const unsigned context = left_ | above[0] << 2 | above[-1] << 3 | above[1] << 4 |
+                             rows_[2][static_cast<std::size_t>(column) + 1] << 5;
     return models_[context];
+  }
+  void set(int column, bool bit) noexcept {
+    rows_[0][static_cast<std::size_t>(column) + 1] = bit ? 1 : 0;
+    left_ = ((left_ << 1) | (bit ? 1U : 0U)) & 3U;
   }
 
  private:
   std::array<BitModel, 64> models_{};
+  std::array<std::array<std::uint8_t, kMaxGridCells + 2>, 3> rows_{};  // this, above, above that
+  unsigned left_ = 0;
 };
+
+// Calls f(column, row, model) -> the cell, for all cells in coding order.
+template <class F>
+void for_cells(const CellGrid& grid, CellModels& models, F f) noexcept {
+  models.start_grid();
+  for (int row = 0; row < grid.rows; ++row) {
+    models.start_row();
+    for (int column = 0; column < grid.columns; ++column) {
+      models.set(column, f(column, row, models.at(column)));
+    }
+  }
+}
 
 bool writable(const Maplet& m) noexcept {
   if (m.keyframes.empty()) return false;
@@ -148,11 +173,11 @@ void put_cells(const Maplet& m, ByteWriter& out) noexcept {
   CellModels models;
   BitEncoder bits{out};
   for (const MapletPlane& p : m.planes) {
-    for (int row = 0; row < p.grid.rows; ++row) {
-      for (int column = 0; column < p.grid.columns; ++column) {
-        bits.put(m.cell(p.grid, column, row), models.of(m, p.grid, column, row));
-      }
-    }
+    for_cells(p.grid, models, [&](int column, int row, BitModel& model) {
+      const bool bit = m.cell(p.grid, column, row);
+      bits.put(bit, model);
+      return bit;
+    });
   }
   bits.finish();
 }
@@ -160,14 +185,14 @@ void put_cells(const Maplet& m, ByteWriter& out) noexcept {
 void get_cells(ByteReader& in, Maplet& m) noexcept {
   CellModels models;
   BitDecoder bits{in};
-  for (const MapletPlane& p : m.planes) {
-    for (int row = 0; row < p.grid.rows; ++row) {
-      for (int column = 0; column < p.grid.columns; ++column) {
-        if (bits.get(models.of(m, p.grid, column, row))) m.set_cell(p.grid, column, row);
-      }
-    }
+  for (MapletPlane& p : m.planes) {
+    for_cells(p.grid, models, [&](int column, int row, BitModel& model) {
+      const bool bit = bits.get(model);
+      if (bit) m.set_cell(p.grid, column, row);
+      return bit;
+    });
+    m.measure_extent(p);
   }
-  for (MapletPlane& p : m.planes) m.measure_extent(p);
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 // Where on its plane a surface is: cells that patches cover and that later looks confirm.
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 #include "core/maplet/plane_map.hpp"
@@ -11,7 +12,13 @@ namespace maplet {
 namespace {
 
 constexpr int kMaxSteps = 96;
-constexpr double kLooseAngle = 0.85;  // cosine between a loose patch and the plane it joins
+constexpr double kStepCells = 0.8;         // between rays: cells missed by one keyframe are few
+constexpr int kMaxCell = 30000;            // of a plane's grid
+constexpr double kMinInverseDepth = 0.02;  // 50 m
+constexpr double kLooseAngle = 0.85;       // cosine between a loose patch and the plane it joins
+
+// Towards minus infinity, for |x| < 2 * kMaxCell.
+int floor_of(double x) noexcept { return static_cast<int>(x + 2 * kMaxCell) - 2 * kMaxCell; }
 
 // Depth noise of a cell's look grows with the square of the distance.
 double slack_m(double fit_m, double depth_m) noexcept {
@@ -20,7 +27,7 @@ double slack_m(double fit_m, double depth_m) noexcept {
 
 }  // namespace
 
-// Marks the cells under a patch: rays at half a cell's distance, cut with the plane (eq. 6).
+// Marks the cells under a patch: rays not quite a cell apart, cut with the plane (eq. 6).
 void PlaneMap::place_patch(const View& view, FusedPlane& plane, const Patch& patch) noexcept {
   const Plane local = view.T_camera_maplet * plane.plane;
   const Eigen::Vector3d centre = patch.centre();
@@ -32,7 +39,7 @@ void PlaneMap::place_patch(const View& view, FusedPlane& plane, const Patch& pat
   ++counts_.patches_placed;
   const CameraModel& camera = view.set.camera;
   const double slant = std::max(0.1, -local.n.dot(centre) / centre.norm());
-  const double step_px = 0.5 * config_.cell_m / centre.z() * std::abs(camera.fx_px) * slant;
+  const double step_px = kStepCells * config_.cell_m / centre.z() * std::abs(camera.fx_px) * slant;
   const auto steps = [&](double px) {
     return std::clamp(static_cast<int>(std::ceil(px / step_px)), 1, kMaxSteps);
   };
@@ -49,10 +56,12 @@ void PlaneMap::place_patch(const View& view, FusedPlane& plane, const Patch& pat
       const Eigen::Vector3d ray = camera.ray(patch.u_px - 0.5 + (i + 0.5) * patch.width_px / across,
                                              patch.v_px - 0.5 + (j + 0.5) * patch.height_px / down);
       const double inverse_depth = theta.dot(ray);
-      if (inverse_depth < 0.02) continue;  // beyond 50 m
-      const int column = static_cast<int>(std::floor(a.dot(ray) / inverse_depth + offset.x()));
-      const int row = static_cast<int>(std::floor(b.dot(ray) / inverse_depth + offset.y()));
-      if (std::abs(column) > 30000 || std::abs(row) > 30000) continue;
+      if (inverse_depth < kMinInverseDepth) continue;
+      const double x = a.dot(ray) / inverse_depth + offset.x();
+      const double y = b.dot(ray) / inverse_depth + offset.y();
+      if (!(std::abs(x) < kMaxCell && std::abs(y) < kMaxCell)) continue;
+      const int column = floor_of(x);
+      const int row = floor_of(y);
       if (tile == nullptr || tile->column != (column >> 3) || tile->row != (row >> 3)) {
         tile = cells_.make(plane.serial, plane.first_tile, column, row);
         if (tile == nullptr) {
@@ -127,25 +136,30 @@ void PlaneMap::look_at_tile(const View& view, const FusedPlane& plane, Tile& til
       view.T_camera_maplet * plane.anchor.point(tile.column * Tile::kSide * config_.cell_m,
                                                 tile.row * Tile::kSide * config_.cell_m);
   const int across = view.blocks_across();
-  for (int cell = 0; cell < Tile::kSide * Tile::kSide; ++cell) {
-    if (((tile.touched >> cell) & 1U) == 0) continue;
-    for (int part = 0; part < 4; ++part) {
-      const Eigen::Vector3d p = corner + (cell % Tile::kSide + 0.25 + 0.5 * (part & 1)) * u +
-                                (cell / Tile::kSide + 0.25 + 0.5 * (part >> 1)) * v;
-      if (p.z() < 0.2) continue;
-      const Eigen::Vector2d px = camera.project(p);
-      if (!camera.contains(px)) continue;
-      const int block = static_cast<int>(px.y() + 0.5) / View::kBlock_px * across +
-                        static_cast<int>(px.x() + 0.5) / View::kBlock_px;
-      const std::int16_t seen = labels_[block];
-      if (seen < 0) continue;
-      const Eigen::Vector3d ray = p / p.z();
-      const double inverse_depth = view.set.patches[seen].theta.dot(ray);
-      if (inverse_depth < 0.02) continue;
-      const double off = local.n.dot(ray) / inverse_depth + local.d;
-      const double slack = slack_m(config_.fit_m, p.z());
-      if (off < -slack) tile.vote(cell, false);
-      if (std::abs(off) <= slack) tile.vote(cell, true);
+  // A cell is looked at in one of its quarters, another one each time.
+  for (std::uint64_t rest = tile.touched; rest != 0; rest &= rest - 1) {
+    const int cell = std::countr_zero(rest);
+    const int column = cell % Tile::kSide;
+    const int row = cell / Tile::kSide;
+    const int part = static_cast<int>(keyframe_ + 2 * (column & 1) + (row & 1)) & 3;
+    const Eigen::Vector3d p =
+        corner + (column + 0.25 + 0.5 * (part & 1)) * u + (row + 0.25 + 0.5 * (part >> 1)) * v;
+    if (p.z() < 0.2) continue;
+    const Eigen::Vector3d ray = p / p.z();
+    const double x = camera.fx_px * ray.x() + camera.cx_px + 0.5;
+    const double y = camera.fy_px * ray.y() + camera.cy_px + 0.5;
+    if (!(x >= 0.0 && y >= 0.0 && x < camera.width_px && y < camera.height_px)) continue;
+    const std::int16_t seen = labels_[static_cast<int>(y) / View::kBlock_px * across +
+                                      static_cast<int>(x) / View::kBlock_px];
+    if (seen < 0) continue;
+    const double inverse_depth = view.set.patches[seen].theta.dot(ray);
+    if (inverse_depth < kMinInverseDepth) continue;
+    const double off = local.n.dot(ray) / inverse_depth + local.d;
+    const double slack = slack_m(config_.fit_m, p.z());
+    if (off < -slack) {
+      tile.vote(cell, false);
+    } else if (off <= slack) {
+      tile.vote(cell, true);
     }
   }
 }
