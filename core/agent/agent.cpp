@@ -1,6 +1,8 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #include "core/agent/agent.hpp"
 
+#include "core/agent/own_places.hpp"
+
 namespace maplet {
 
 namespace {
@@ -25,10 +27,12 @@ Agent::Agent(const AgentConfig& config, AgentIdentity identity, StageMeter& mete
       tracker_{config.odometry, arena},
       builder_{config.maplet, arena},
       registrar_{config.registration, arena},
+      closures_{config.registration, arena},
       skeleton_{config.skeleton, arena},
       store_{static_cast<std::size_t>(config.limits.own_maplets),
              static_cast<std::size_t>(config.maplet.max_bytes), arena},
-      previous_{arena.make<Maplet>("agent/previous maplet")} {
+      previous_{arena.make<Maplet>("agent/previous maplet")},
+      older_{arena.make<Maplet>("agent/older maplet")} {
   builder_.identify(identity.agent, identity.epoch, 0);
 }
 
@@ -66,7 +70,19 @@ void Agent::take(const MapletCut& closed, Deadline deadline) noexcept {
     timed(Stage::kSkeleton, budget_.skeleton, deadline,
           [&](Deadline until) { return skeleton_.add(record, until); });
   }
+  close_loops(closed.maplet, deadline);
   *previous_ = closed.maplet;
+}
+
+void Agent::close_loops(const Maplet& newest, Deadline deadline) noexcept {
+  OwnPlaces places{skeleton_, store_, *older_};
+  const auto closures = timed(Stage::kRegistration, budget_.registration, deadline,
+                              [&](Deadline until) { return closures_.run(newest, places, until); });
+  for (const DeltaPose& closure : closures) {
+    const DeltaPose record = records_.put(closure);
+    timed(Stage::kSkeleton, budget_.skeleton, deadline,
+          [&](Deadline until) { return skeleton_.add(record, until); });
+  }
 }
 
 }  // namespace maplet

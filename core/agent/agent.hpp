@@ -12,6 +12,7 @@
 #include "core/patches/extractor.hpp"
 #include "core/ports/record_sink.hpp"
 #include "core/ports/stage_meter.hpp"
+#include "core/registration/closure_finder.hpp"
 #include "core/registration/registrar.hpp"
 #include "core/skeleton/skeleton.hpp"
 
@@ -65,6 +66,7 @@ class Agent {
     return run(deadline.within(budget));
   }
   void take(const MapletCut& closed, Deadline deadline) noexcept;
+  void close_loops(const Maplet& newest, Deadline deadline) noexcept;
 
   Budget budget_;
   StageMeter& meter_;
@@ -74,9 +76,11 @@ class Agent {
   Tracker tracker_;
   MapletBuilder builder_;
   Registrar registrar_;
+  ClosureFinder closures_;
   Skeleton skeleton_;
   MapletStore store_;
   Arena::Owned<Maplet> previous_;  ///< the maplet before the newest
+  Arena::Owned<Maplet> older_;     ///< one that a closure is tried with
 };
 
 }  // namespace maplet

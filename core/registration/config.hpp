@@ -17,6 +17,7 @@ struct RegistrationConfig {
   double uneven_m = 0.008;
   double uneven_rad = 0.012;
   double free_sigma_m = 0.15;
+  double search_m = 4.0;
   int accept_matches = 5;
   double accept_overlap = 0.3;
   double accept_chi2_per_dof = 2.0;
@@ -44,6 +45,8 @@ struct RegistrationConfig {
       {"uneven_rad", &RegistrationConfig::uneven_rad, 0.0, 0.5, "The same for their direction"},
       {"free_sigma_m", &RegistrationConfig::free_sigma_m, 0.001, 10.0,
        "A direction known worse than this counts as free"},
+      {"search_m", &RegistrationConfig::search_m, 0.0, 100.0,
+       "Closures are looked for among maplets whose origins are nearer; 0 looks for none"},
       {"accept_matches", &RegistrationConfig::accept_matches, 3, 50,
        "A closure needs this many pairs of planes"},
       {"accept_overlap", &RegistrationConfig::accept_overlap, 0.0, 1.0,

@@ -17,8 +17,10 @@ double score(const MapletAlignment& alignment) noexcept {
   return alignment.overlap / (1.0 + alignment.chi2_per_dof);
 }
 
-bool differ(const Se3& x, const Se3& y) noexcept {
-  const Vector6d apart = (x.inverse() * y).log();
+// Whether y is another place than the alignment's, free axes aside.
+bool differ(const MapletAlignment& x, const Se3& y) noexcept {
+  Vector6d apart = (x.T_a_b.se3.inverse() * y).log();
+  for (const Vector6d& axis : x.free_axes) apart -= axis.dot(apart) * axis;
   return apart.head<3>().norm() > kSamePlace_m || apart.tail<3>().norm() > kSamePlace_rad;
 }
 
@@ -74,7 +76,8 @@ double blocked_sight(const Maplet& a, const Maplet& b, const Se3& T_a_b) noexcep
 }
 
 Closure Verifier::verify(const Maplet& a, const Maplet& b, const Transform<MapletA, MapletB>& guess,
-                         double gate_m, double gate_rad, Deadline deadline) noexcept {
+                         double gate_m, double gate_rad, bool prior_holds,
+                         Deadline deadline) noexcept {
   Closure out;
   const auto alignment = icap_.align(a, b, guess, gate_m, gate_rad, deadline);
   if (!alignment) {
@@ -83,12 +86,12 @@ Closure Verifier::verify(const Maplet& a, const Maplet& b, const Transform<Maple
   }
   out.aligned = true;
   out.alignment = *alignment;
-  out.judgement = judge(a, b, out, gate_m, gate_rad, deadline);
+  out.judgement = judge(a, b, out, gate_m, gate_rad, prior_holds, deadline);
   return out;
 }
 
 Judgement Verifier::judge(const Maplet& a, const Maplet& b, Closure& closure, double gate_m,
-                          double gate_rad, Deadline deadline) noexcept {
+                          double gate_rad, bool prior_holds, Deadline deadline) noexcept {
   const MapletAlignment& found = closure.alignment;
   if (found.chi2_per_dof > config_.reject_chi2_per_dof) {
     return {Verdict::kReject, "the planes do not fit"};
@@ -107,7 +110,8 @@ Judgement Verifier::judge(const Maplet& a, const Maplet& b, Closure& closure, do
   if (closure.conflict > config_.accept_conflict) {
     return {Verdict::kUndecided, "surfaces of one may block the other's view"};
   }
-  if (!found.free_axes.empty()) return {Verdict::kUndecided, "the planes leave an axis free"};
+  if (found.free_axes.size() > (prior_holds ? 1U : 0U))
+    return {Verdict::kUndecided, "the planes leave an axis free"};
   const MapletAlignment best = found;
   bool in_time = true;
   if (ambiguous(a, b, best, gate_m, gate_rad, deadline, in_time)) {
@@ -121,18 +125,17 @@ Judgement Verifier::judge(const Maplet& a, const Maplet& b, Closure& closure, do
 bool Verifier::ambiguous(const Maplet& a, const Maplet& b, const MapletAlignment& best,
                          double gate_m, double gate_rad, Deadline deadline,
                          bool& in_time) noexcept {
-  for (int axis = 0; axis < 6; ++axis) {
+  for (int axis = 0; axis < 3; ++axis) {
     for (const double side : {-1.0, 1.0}) {
       if (deadline.expired()) {
         in_time = false;
         return false;
       }
       Vector6d step = Vector6d::Zero();
-      step[axis] = side * (axis < 3 ? gate_m : gate_rad);
+      step[axis] = side * gate_m;
       const Transform<MapletA, MapletB> start{best.T_a_b.se3 * Se3::exp(step)};
       const auto other = icap_.align(a, b, start, 0.6 * gate_m, 0.6 * gate_rad, deadline);
-      if (other && differ(best.T_a_b.se3, other->T_a_b.se3) &&
-          score(*other) > kNearlyAsGood * score(best)) {
+      if (other && differ(best, other->T_a_b.se3) && score(*other) > kNearlyAsGood * score(best)) {
         return true;
       }
     }

@@ -49,13 +49,16 @@ class Verifier {
   explicit Verifier(const RegistrationConfig& config) noexcept : config_{config}, icap_{config} {}
 
   /// @param guess  within gate_m, gate_rad of the truth, if the two overlap at all
+  /// @param prior_holds  something else fixes one axis that the planes leave free (a corridor):
+  /// that
+  ///   is then no reason against accepting; the covariance says it
   [[nodiscard]] Closure verify(const Maplet& a, const Maplet& b,
                                const Transform<MapletA, MapletB>& guess, double gate_m,
-                               double gate_rad, Deadline deadline) noexcept;
+                               double gate_rad, bool prior_holds, Deadline deadline) noexcept;
 
  private:
   [[nodiscard]] Judgement judge(const Maplet& a, const Maplet& b, Closure& closure, double gate_m,
-                                double gate_rad, Deadline deadline) noexcept;
+                                double gate_rad, bool prior_holds, Deadline deadline) noexcept;
   [[nodiscard]] bool ambiguous(const Maplet& a, const Maplet& b, const MapletAlignment& best,
                                double gate_m, double gate_rad, Deadline deadline,
                                bool& in_time) noexcept;

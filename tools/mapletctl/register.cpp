@@ -102,10 +102,11 @@ void run(const Options& options) {
   Se3 guess;
   const RegistrationConfig config;
   double gate_m = config.gate_m;
+  bool linked = false;
   double gate_rad = config.gate_rad;
   if (!options.guess.empty()) {
     guess = parse_guess(options.guess);
-  } else if (shared_keyframe(*a, *b, guess)) {
+  } else if ((linked = shared_keyframe(*a, *b, guess))) {
     gate_m = config.link_gate_m;
     gate_rad = config.link_gate_rad;
   }
@@ -116,8 +117,8 @@ void run(const Options& options) {
       options.budget_us > 0.0
           ? Deadline{clock, Duration{static_cast<std::int64_t>(options.budget_us * 1e3)}}
           : Deadline::never();
-  const Closure closure =
-      verifier->verify(*a, *b, Transform<MapletA, MapletB>{guess}, gate_m, gate_rad, deadline);
+  const Closure closure = verifier->verify(*a, *b, Transform<MapletA, MapletB>{guess}, gate_m,
+                                           gate_rad, !options.guess.empty() || linked, deadline);
   const double us = cpu_us() - before;
   if (options.json) {
     fmt::print("{}\n", to_json(closure, us).dump());
