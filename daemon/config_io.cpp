@@ -225,18 +225,6 @@ std::string at(std::string_view name, const toml::node& node) {
   return fmt::format("{}:{}", name, node.source().begin.line);
 }
 
-/// What the single fields' ranges cannot say.
-Problem check_together(const Config& config) {
-  if (config.agent.decimator.step == 3) return "input.decimate = 3: must be 1, 2 or 4";
-  const CameraConfig& camera = config.camera;
-  const bool any = camera.width_px || camera.height_px || camera.fx_px != 0 || camera.fy_px != 0;
-  const bool all = camera.width_px && camera.height_px && camera.fx_px != 0 && camera.fy_px != 0;
-  if (any && !all) {
-    return "camera: width_px, height_px, fx_px and fy_px go together: give all four, or none";
-  }
-  return {};
-}
-
 tl::expected<void, ConfigError> apply(Config& config, const toml::table& root,
                                       std::string_view name) {
   for (const auto& [section, node] : root) {
@@ -261,13 +249,24 @@ tl::expected<void, ConfigError> apply(Config& config, const toml::table& root,
       }
     }
   }
-  if (const Problem problem = check_together(config); !problem.empty()) {
-    return tl::unexpected{fmt::format("{}: {}", name, problem)};
-  }
   return {};
 }
 
 }  // namespace
+
+tl::expected<void, ConfigError> check_together(const Config& config) {
+  if (config.agent.decimator.step == 3) {
+    return tl::unexpected<ConfigError>{"input.decimate = 3: must be 1, 2 or 4"};
+  }
+  const CameraConfig& camera = config.camera;
+  const bool any = camera.width_px || camera.height_px || camera.fx_px != 0 || camera.fy_px != 0;
+  const bool all = camera.width_px && camera.height_px && camera.fx_px != 0 && camera.fy_px != 0;
+  if (any && !all) {
+    return tl::unexpected<ConfigError>{
+        "camera: width_px, height_px, fx_px and fy_px go together: give all four, or none"};
+  }
+  return {};
+}
 
 tl::expected<Config, ConfigError> parse_config(std::string_view text, std::string_view name) {
   Config config;

@@ -25,6 +25,9 @@ using ConfigError = std::string;
 /// Applies one `key=value` of the command line, as TOML; a value that is no TOML is a string.
 [[nodiscard]] tl::expected<void, ConfigError> set_key(Config& config, std::string_view assignment);
 
+/// What the single keys' ranges cannot say. After the last set_key().
+[[nodiscard]] tl::expected<void, ConfigError> check_together(const Config& config);
+
 /// All keys with their values as a TOML file, each with its help and range: what --print-config
 /// prints, and the source of the manual.
 [[nodiscard]] std::string print_config(const Config& config);

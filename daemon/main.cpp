@@ -22,6 +22,12 @@ tl::expected<Config, ConfigError> configure(const Options& options) {
     if (const auto set = set_key(*config, assignment); !set) return tl::unexpected{set.error()};
   }
   if (config && !options.source.empty()) config->input.source = options.source;
+  if (config) {
+    if (const auto checked = check_together(*config); !checked) {
+      const std::string where = options.config_file.empty() ? "" : options.config_file + ": ";
+      return tl::unexpected{where + checked.error()};
+    }
+  }
   return config;
 }
 

@@ -42,9 +42,19 @@ TEST(ConfigIo, WrongTypesAndNotANumberAreRefused) {
   EXPECT_THAT(error_of("[dds]\ndomain = 1.5\n"), HasSubstr("dds.domain"));
   EXPECT_THAT(error_of("[camera]\ncx_px = nan\n"), HasSubstr("camera.cx_px"));
   EXPECT_THAT(error_of("[input]\ngray = \"maybe\"\n"), HasSubstr("auto|off"));
-  EXPECT_THAT(error_of("[input]\ndecimate = 3\n"), HasSubstr("1, 2 or 4"));
   EXPECT_THAT(error_of("[input\n"), HasSubstr("not TOML"));
-  EXPECT_THAT(error_of("[camera]\nfx_px = 500.0\n"), HasSubstr("go together"));
+}
+
+TEST(ConfigIo, WhatGoesTogetherIsCheckedTogether) {
+  Config config;
+  ASSERT_TRUE(set_key(config, "camera.fx_px=500"));
+  EXPECT_THAT(check_together(config).error(), HasSubstr("go together"));
+  for (const char* more : {"camera.fy_px=500", "camera.width_px=640", "camera.height_px=480"}) {
+    ASSERT_TRUE(set_key(config, more));
+  }
+  EXPECT_TRUE(check_together(config));
+  ASSERT_TRUE(set_key(config, "input.decimate=3"));
+  EXPECT_THAT(check_together(config).error(), HasSubstr("1, 2 or 4"));
 }
 
 TEST(ConfigIo, UpIsAVectorOrAuto) {
