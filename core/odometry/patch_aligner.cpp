@@ -11,14 +11,16 @@ namespace maplet {
 
 namespace {
 
-constexpr double kTailDof = 5.0;       // of the t-distribution of residuals
-constexpr double kMinScale = 0.2;      // of s = 1 + q.p: a plane seen almost edge-on is no witness
-constexpr double kCoarseSlack = 0.06;  // of a normal, rad, and of inverse depth, m
-constexpr double kFineSlack = 0.003;
+constexpr double kTailDof = 5.0;        // of the t-distribution of residuals
+constexpr double kMinScale = 0.2;       // of s = 1 + q.p: a plane seen almost edge-on is no witness
+constexpr double kSlackShrinks = 0.25;  // from an association to the next
+constexpr double kFineM = 0.002;        // no slack below these
+constexpr double kFineRad = 0.001;
 constexpr double kInlierChi2 = 16.27;  // 99.9 % of 3 degrees of freedom
 constexpr int kStepsPerAssociation = 2;
 constexpr double kStepM = 1e-4;
 constexpr double kStepRad = 5e-5;
+constexpr double kPin = 1e4;       // information along free axes, per squared scale
 constexpr double kSpurious = 2.0;  // information must exceed that of noisy normals by this factor
 
 // E[skew(x)^T w skew(x)] for x with second moment m.
@@ -41,6 +43,7 @@ struct Motion {
 struct Known {
   Matrix6d information = Matrix6d::Zero();  // of the directions kept
   Vector6d gradient = Vector6d::Zero();
+  Matrix6d pin = Matrix6d::Zero();  // holds the free directions to the prior
   StaticVector<Vector6d, 6> free_axes;
 };
 
@@ -62,6 +65,9 @@ Known project(const Matrix6d& information, const Vector6d& gradient, const Matri
   const Vector6d inverse = scale.cwiseInverse();
   known.information = inverse.asDiagonal() * (kept * scaled * kept) * inverse.asDiagonal();
   known.gradient = inverse.asDiagonal() * (kept * (scale.asDiagonal() * gradient));
+  // The axes themselves are a little noisy: with a weak prior alone, what they leak would be
+  // followed.
+  known.pin = kPin * (inverse.asDiagonal() * (Matrix6d::Identity() - kept) * inverse.asDiagonal());
   return known;
 }
 
@@ -77,22 +83,22 @@ PatchAligner::PatchAligner(const OdometryConfig& config, Arena& arena)
       pairs_{arena.make_array<Pair>(kMaxPatches * kMaxReferences, "odometry/pairs")} {}
 
 void PatchAligner::associate(const PatchView& frame, std::span<const Reference> references,
-                             const Se3& T, std::size_t facets, double slack) noexcept {
+                             const Se3& T, const Slack& slack) noexcept {
   pair_count_ = 0;
   for (std::size_t r = 0; r < references.size(); ++r) {
-    associate_with(frame, references[r], T, facets, slack);
+    associate_with(frame, references[r], T, slack);
     pair_end_[r] = pair_count_;
   }
 }
 
 void PatchAligner::associate_with(const PatchView& frame, const Reference& reference, const Se3& T,
-                                  std::size_t facets, double slack) noexcept {
+                                  const Slack& slack) noexcept {
   const double min_cosine = std::cos(config_.gate_rad);
   const double noise = config_.noise_scale * config_.noise_scale;
   const Se3 T_reference_camera = reference.T_reference_odom * T;
   const Eigen::Matrix3d R_rc = T_reference_camera.rotation();
   const Motion motion{T_reference_camera};
-  for (const Facet& facet : frame.facets().first(facets)) {
+  for (const Facet& facet : frame.facets().first(slack.facets)) {
     const int found = reference.view->at(R_rc * facet.centre + T_reference_camera.t);
     if (found == PatchView::kNone) continue;
     const Facet& other = reference.view->facets()[static_cast<std::size_t>(found)];
@@ -104,9 +110,9 @@ void PatchAligner::associate_with(const PatchView& frame, const Reference& refer
     if (theta.dot(facet.theta) < min_cosine * norm * facet.theta.norm()) continue;
     // Eq. 3: the residual's covariance; slack is what the start may be off.
     const Eigen::Matrix3d J = (motion.R - theta * (motion.p.transpose() * motion.R)) / s;
-    const double widen = slack * norm * (1.0 + norm);
+    const double widen = norm * norm * (slack.rad * slack.rad + norm * norm * slack.m * slack.m);
     Eigen::Matrix3d covariance = noise * (facet.covariance + J * other.covariance * J.transpose());
-    covariance.diagonal().array() += widen * widen;
+    covariance.diagonal().array() += widen;
     const Eigen::Matrix3d weight = covariance.inverse();
     const Eigen::Vector3d residual = facet.theta - theta;
     if (!(residual.dot(weight * residual) < config_.gate_chi2)) continue;
@@ -167,17 +173,16 @@ Matrix6d PatchAligner::spurious(std::span<const Reference> references,
 }
 
 Alignment PatchAligner::run(const PatchView& frame, std::span<const Reference> references,
-                            const PosePrior& prior, const Se3& start, bool coarse,
+                            const PosePrior& prior, const Start& start,
                             Deadline deadline) noexcept {
   const std::size_t all = frame.facets().size();
   const std::size_t few = std::min(all, static_cast<std::size_t>(config_.coarse_patches));
   Vector6d scale;
   scale << Eigen::Vector3d::Constant(config_.free_m), Eigen::Vector3d::Constant(config_.free_rad);
   Alignment out;
-  out.T_odom_camera = start;
+  out.T_odom_camera = start.T_odom_camera;
   out.stop = Stop::kIterationLimit;
-  double slack = coarse ? kCoarseSlack : 0.0;
-  bool fine = !coarse;
+  Slack slack{start.sigma_m, start.sigma_rad, few};
   Matrix6d noise = Matrix6d::Zero();
   for (int i = 0; i < config_.max_iterations; ++i) {
     if (out.iterations > 0 && deadline.expired()) {
@@ -186,9 +191,9 @@ Alignment PatchAligner::run(const PatchView& frame, std::span<const Reference> r
     }
     const bool again = i % kStepsPerAssociation == 0;
     if (again) {
-      if (coarse && i > 0) slack *= 0.33;
-      fine = slack < kFineSlack;
-      associate(frame, references, out.T_odom_camera, fine ? all : few, fine ? 0.0 : slack);
+      const bool fine = slack.m < kFineM && slack.rad < kFineRad;
+      if (fine) slack = {0.0, 0.0, all};
+      associate(frame, references, out.T_odom_camera, slack);
       noise = spurious(references, out.T_odom_camera);
     }
     const Sums sums = accumulate(references, out.T_odom_camera);
@@ -196,23 +201,31 @@ Alignment PatchAligner::run(const PatchView& frame, std::span<const Reference> r
     out.information = known.information;
     out.free_axes = known.free_axes;
     const Vector6d to_prior = (out.T_odom_camera.inverse() * prior.T_odom_camera).log();
-    const Matrix6d hessian = known.information + prior.information;
-    const Vector6d step = hessian.ldlt().solve(known.gradient + prior.information * to_prior);
+    const Matrix6d held = prior.information + known.pin;
+    const Matrix6d hessian = known.information + held;
+    const Vector6d step = hessian.ldlt().solve(known.gradient + held * to_prior);
     if (!step.allFinite()) break;
     out.T_odom_camera = out.T_odom_camera * Se3::exp(step);
     ++out.iterations;
-    if (fine && !again && step.head<3>().norm() < kStepM && step.tail<3>().norm() < kStepRad) {
+    const bool small = step.head<3>().norm() < kStepM && step.tail<3>().norm() < kStepRad;
+    if (slack.facets == all && slack.m == 0.0 && !again && small) {
       out.stop = Stop::kConverged;
       break;
     }
+    if (!again) {
+      slack.m *= kSlackShrinks;
+      slack.rad *= kSlackShrinks;
+    }
   }
-  finish(frame, references, out);
+  finish(frame.facets().first(slack.facets), references, out);
   return out;
 }
 
-void PatchAligner::finish(const PatchView& frame, std::span<const Reference> references,
+void PatchAligner::finish(std::span<const Facet> facets, std::span<const Reference> references,
                           Alignment& out) const noexcept {
   double chi2 = 0.0;
+  double all_pixels = 1.0;
+  for (const Facet& facet : facets) all_pixels += facet.pixels;
   std::size_t i = 0;
   for (std::size_t r = 0; r < references.size(); ++r) {
     const Motion motion{references[r].T_reference_odom * out.T_odom_camera};
@@ -228,8 +241,8 @@ void PatchAligner::finish(const PatchView& frame, std::span<const Reference> ref
       pixels += pair.frame->pixels;
       ++inliers;
     }
-    out.overlap = std::max(out.overlap, pixels / std::max(frame.pixels(), 1.0));
-    if (r == 0) out.first_overlap = pixels / std::max(frame.pixels(), 1.0);
+    out.overlap = std::max(out.overlap, pixels / all_pixels);
+    if (r == 0) out.first_overlap = pixels / all_pixels;
     out.inliers += inliers;
   }
   if (out.inliers > 0) out.chi2_per_dof = chi2 / (3.0 * out.inliers);

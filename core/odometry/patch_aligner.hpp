@@ -27,6 +27,13 @@ struct PosePrior {
   Matrix6d information = Matrix6d::Zero();  ///< tangent of camera
 };
 
+/// Where to begin, and how far off that may be: patches are compared with that much slack first.
+struct Start {
+  Se3 T_odom_camera;
+  double sigma_m = 0.0;
+  double sigma_rad = 0.0;
+};
+
 struct Alignment {
   Se3 T_odom_camera;
   Matrix6d information = Matrix6d::Zero();  ///< of the patches alone, free axes projected out
@@ -52,9 +59,8 @@ class PatchAligner {
 
   PatchAligner(const OdometryConfig& config, Arena& arena);
 
-  /// @param coarse  begin with the largest patches and wide tails: for starts that may be far off
   [[nodiscard]] Alignment run(const PatchView& frame, std::span<const Reference> references,
-                              const PosePrior& prior, const Se3& start, bool coarse,
+                              const PosePrior& prior, const Start& start,
                               Deadline deadline) noexcept;
 
  private:
@@ -63,16 +69,20 @@ class PatchAligner {
     const Facet* reference;
     Eigen::Matrix3d weight;  ///< inverse covariance of the residual
   };
+  struct Slack {
+    double m, rad;       ///< added to what normals and distances may differ, one sigma
+    std::size_t facets;  ///< the largest only
+  };
   struct Sums;
 
   void associate(const PatchView& frame, std::span<const Reference> references, const Se3& T,
-                 std::size_t facets, double slack) noexcept;
+                 const Slack& slack) noexcept;
   void associate_with(const PatchView& frame, const Reference& reference, const Se3& T,
-                      std::size_t facets, double slack) noexcept;
+                      const Slack& slack) noexcept;
   [[nodiscard]] Sums accumulate(std::span<const Reference> references, const Se3& T) const noexcept;
   [[nodiscard]] Matrix6d spurious(std::span<const Reference> references,
                                   const Se3& T) const noexcept;
-  void finish(const PatchView& frame, std::span<const Reference> references,
+  void finish(std::span<const Facet> facets, std::span<const Reference> references,
               Alignment& out) const noexcept;
 
   OdometryConfig config_;

@@ -11,8 +11,9 @@ namespace maplet {
 namespace {
 
 constexpr double kMaxChi2PerDof = 2.5;
-constexpr double kFoundOverlap = 0.4;   // a view is recognised, not just tracked on
-constexpr double kCoarseAfterS = 0.06;  // a gap after which the prediction may be far off
+constexpr double kFoundOverlap = 0.4;  // a view is recognised, not just tracked on
+constexpr double kSearchSlackM = 0.1;
+constexpr double kSearchSlackRad = 0.1;
 constexpr double kSearchRad = 0.12;
 
 double log_determinant(const Matrix6d& information) noexcept {
@@ -20,6 +21,11 @@ double log_determinant(const Matrix6d& information) noexcept {
   if (llt.info() != Eigen::Success) return 0.0;
   const Matrix6d l = llt.matrixL();
   return 2.0 * l.diagonal().array().log().sum();
+}
+
+// The largest standard deviation, within what the alignment can start from.
+double largest_sigma(const Eigen::Matrix3d& covariance) noexcept {
+  return std::min(std::sqrt(covariance.diagonal().maxCoeff()), 0.1);
 }
 
 }  // namespace
@@ -57,8 +63,10 @@ Track Tracker::run(const DepthFrame& frame, const PatchSet& patches, Deadline de
   covariance.diagonal().array() += 1e-10;
   prior.information = covariance.inverse();
   const auto references = pool_.references(view_, filter_.pose());
-  Alignment alignment = aligner_.run(view_, {references.data(), references.size()}, prior,
-                                     filter_.pose(), lost_ || dt_s > kCoarseAfterS, deadline);
+  const Start start{filter_.pose(), largest_sigma(covariance.topLeftCorner<3, 3>()),
+                    largest_sigma(covariance.bottomRightCorner<3, 3>())};
+  Alignment alignment =
+      aligner_.run(view_, {references.data(), references.size()}, prior, start, deadline);
   if (!usable(alignment)) {
     ++counters_.retried;
     alignment = search(references, prior, deadline);
@@ -98,8 +106,8 @@ Alignment Tracker::search(const KeyframePool::References& references, const Pose
     }
     PosePrior wide = prior;
     wide.information *= 0.1;
-    const Alignment tried =
-        aligner_.run(view_, {references.data(), references.size()}, wide, start, true, deadline);
+    const Alignment tried = aligner_.run(view_, {references.data(), references.size()}, wide,
+                                         {start, kSearchSlackM, kSearchSlackRad}, deadline);
     if (tried.overlap > best.overlap) best = tried;
     if (usable(best) && best.overlap > kFoundOverlap) break;
   }
@@ -113,8 +121,9 @@ bool Tracker::relocalise(const PosePrior& prior, Alignment& out, Deadline deadli
   PosePrior wide = prior;
   wide.information *= 0.01;
   const Reference reference = pool_.reference(next_slot_);
-  out = aligner_.run(view_, {&reference, 1}, wide, pool_.keyframe(next_slot_).T_odom_camera.se3,
-                     true, deadline);
+  out = aligner_.run(view_, {&reference, 1}, wide,
+                     {pool_.keyframe(next_slot_).T_odom_camera.se3, kSearchSlackM, kSearchSlackRad},
+                     deadline);
   return usable(out) && out.overlap > kFoundOverlap && out.free_axes.empty();
 }
 
