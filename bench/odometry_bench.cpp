@@ -1,0 +1,207 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+// Patches and odometry over a source: error against the truth and thread CPU time.
+//
+//   odometry_bench tum:../shared/data/rgbd/redkitchen_a [--decimate 2] [--every 3] [--set
+//   key=value]
+#include <fmt/core.h>
+#include <time.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/odometry/tracker.hpp"
+#include "core/patches/extractor.hpp"
+#include "drivers/open_source.hpp"
+#include "drivers/sim/sim_source.hpp"
+#include "tools/eval/evaluate.hpp"
+
+namespace {
+
+using namespace maplet;
+
+struct Options {
+  std::string source;
+  std::string truth;
+  std::string out;
+  std::vector<std::string> set;
+  int decimate = 1;
+  int every = 1;
+  bool verbose = false;
+};
+
+double cpu_us() {
+  timespec t{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+  return 1e6 * static_cast<double>(t.tv_sec) + 1e-3 * static_cast<double>(t.tv_nsec);
+}
+
+double percentile(std::vector<double> values, double share) {
+  if (values.empty()) return 0.0;
+  const auto at = static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
+  std::nth_element(values.begin(), values.begin() + at, values.end());
+  return values[static_cast<std::size_t>(at)];
+}
+
+template <class Config, std::size_t N>
+void apply(Config& config, const Field<Config> (&fields)[N],
+           const std::vector<std::string>& assignments, std::string_view section) {
+  for (const std::string& text : assignments) {
+    const auto dot = text.find('.');
+    const auto equals = text.find('=');
+    if (text.substr(0, dot) != section) continue;
+    for (const auto& field : fields) {
+      if (field.key != text.substr(dot + 1, equals - dot - 1)) continue;
+      const double value = std::stod(text.substr(equals + 1));
+      if (auto* i = std::get_if<int Config::*>(&field.member))
+        config.** i = static_cast<int>(value);
+      if (auto* d = std::get_if<double Config::*>(&field.member)) config.** d = value;
+      if (auto* b = std::get_if<bool Config::*>(&field.member)) config.** b = value != 0.0;
+    }
+  }
+}
+
+// Keeps every n-th pixel of every n-th row.
+struct Decimator {
+  std::vector<std::uint16_t> depth;
+  std::vector<std::uint8_t> gray;
+
+  template <class Pixel>
+  static ImageView<Pixel> shrink(const ImageView<Pixel>& in, int step, std::vector<Pixel>& out) {
+    if (in.empty()) return in;
+    out.clear();
+    for (int v = 0; v < in.height_px; v += step) {
+      for (int u = 0; u < in.width_px; u += step) out.push_back(in.at(u, v));
+    }
+    const int width = (in.width_px + step - 1) / step;
+    return {out.data(), width, (in.height_px + step - 1) / step, width};
+  }
+  DepthFrame operator()(DepthFrame frame, int step) {
+    if (step == 1) return frame;
+    frame.depth = shrink(frame.depth, step, depth);
+    frame.gray = shrink(frame.gray, step, gray);
+    frame.camera = frame.camera.decimated(step);
+    return frame;
+  }
+};
+
+struct Result {
+  eval::Trajectory estimate;
+  eval::Trajectory truth;
+  std::vector<double> patches_us, odometry_us, both_us, patch_counts;
+  std::uint64_t keyframes = 0;
+  TrackerCounters counters;
+};
+
+Result run(const Options& options) {
+  OdometryConfig odometry;
+  PatchConfig patch_config;
+  apply(odometry, OdometryConfig::kFields, options.set, "odometry");
+  apply(patch_config, kPatchFields, options.set, "patches");
+  SourceOptions source_options;
+  auto opened = open_source(options.source, source_options);
+  if (!opened) throw std::runtime_error{opened.error().what};
+  Arena arena;
+  PatchExtractor extractor{patch_config, arena};
+  Tracker tracker{odometry, arena};
+  Decimator decimate;
+  Result result;
+  const auto* simulated = dynamic_cast<const SimSource*>(opened->get());
+  for (int i = 0;; ++i) {
+    auto frame = (*opened)->next(Deadline::never());
+    if (!frame) break;
+    if (i % options.every != 0) continue;
+    const DepthFrame view = decimate(*frame, options.decimate);
+    if (simulated != nullptr) {
+      result.truth.push_back({view.stamp, simulated->T_world_camera().se3});
+    }
+    const double t0 = cpu_us();
+    const PatchSet& patches = extractor.run(view, Deadline::never());
+    const double t1 = cpu_us();
+    const Track track = tracker.run(view, patches, Deadline::never());
+    if (track.keyframe_due) {
+      tracker.make_keyframe(view, patches, track);
+      ++result.keyframes;
+    }
+    const double t2 = cpu_us();
+    result.patches_us.push_back(t1 - t0);
+    result.odometry_us.push_back(t2 - t1);
+    result.both_us.push_back(t2 - t0);
+    result.patch_counts.push_back(static_cast<double>(patches.patches.size()));
+    if (options.verbose) {
+      fmt::print("{:4d} patches {} planes {} in {} ov {:.2f} it {} free {} kf {} lost {} sig", i,
+                 patches.patches.size(), patches.planes.size(), track.inliers, track.overlap,
+                 track.iterations, track.free_axes.size(), track.keyframe_due,
+                 track.state == Track::State::kLost);
+      for (int k = 0; k < 6; ++k) fmt::print(" {:.5f}", std::sqrt(track.covariance(k, k)));
+      fmt::print("\n");
+    }
+    if (track.state == Track::State::kLost) continue;
+    result.estimate.push_back({track.stamp, track.T_odom_camera.se3});
+  }
+  result.counters = tracker.counters();
+  return result;
+}
+
+void report(const Options& options, Result& result) {
+  if (result.truth.empty() && !options.truth.empty()) result.truth = eval::read_tum(options.truth);
+  fmt::print("frames {} lost {} retried {} recovered {} segments {} keyframes {}\n",
+             result.counters.frames, result.counters.lost, result.counters.retried,
+             result.counters.recovered, result.counters.segments, result.keyframes);
+  const auto cost = [](const char* name, const std::vector<double>& us) {
+    fmt::print("{} cpu p50 {:.0f} us p99 {:.0f} us\n", name, percentile(us, 0.5),
+               percentile(us, 0.99));
+  };
+  cost("patches ", result.patches_us);
+  cost("odometry", result.odometry_us);
+  cost("both    ", result.both_us);
+  fmt::print("patches per frame p50 {:.0f}\n", percentile(result.patch_counts, 0.5));
+  if (!options.out.empty()) {
+    std::ofstream out{options.out};
+    for (const auto& [stamp, pose] : result.estimate) {
+      out << fmt::format("{:.6f} {:.9f} {:.9f} {:.9f} {:.9f} {:.9f} {:.9f} {:.9f}\n",
+                         seconds(stamp), pose.t.x(), pose.t.y(), pose.t.z(), pose.q.x(), pose.q.y(),
+                         pose.q.z(), pose.q.w());
+    }
+  }
+  if (result.truth.empty()) return;
+  const auto e = eval::evaluate(eval::associate(result.truth, result.estimate));
+  fmt::print(
+      "ATE {:.1f} mm (max {:.1f}), RPE frame {:.2f} mm {:.3f} deg, 1 s {:.1f} mm {:.2f} deg, path "
+      "{:.2f} m, pairs {}, ATE/path {:.2f} %\n",
+      1e3 * e.ate_rms_m, 1e3 * e.ate_max_m, 1e3 * e.rpe_frame.m, e.rpe_frame.deg, 1e3 * e.rpe_1s.m,
+      e.rpe_1s.deg, e.path_m, e.pairs, 100.0 * e.ate_rms_m / e.path_m);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  Options options;
+  CLI::App app{"Patches and odometry over a source: errors and thread CPU time"};
+  app.add_option("source", options.source, "tum:DIR, sim:WORLD?...")->required();
+  app.add_option("--truth", options.truth, "TUM trajectory; default: beside a tum: recording");
+  app.add_option("--out", options.out, "Writes the trajectory, TUM format");
+  app.add_option("--set", options.set, "odometry.KEY=VALUE or patches.KEY=VALUE");
+  app.add_option("--decimate", options.decimate, "Keeps every n-th pixel")->check(CLI::Range(1, 4));
+  app.add_option("--every", options.every, "Keeps every n-th frame")->check(CLI::Range(1, 1000));
+  app.add_flag("--verbose", options.verbose, "A line per frame");
+  CLI11_PARSE(app, argc, argv);
+  if (options.truth.empty() && options.source.rfind("tum:", 0) == 0) {
+    const auto folder = options.source.substr(4, options.source.find('?') - 4);
+    const auto file = std::filesystem::path{folder} / "groundtruth.txt";
+    if (std::filesystem::exists(file)) options.truth = file.string();
+  }
+  try {
+    Result result = run(options);
+    report(options, result);
+  } catch (const std::exception& e) {
+    fmt::print(stderr, "odometry_bench: {}\n", e.what());
+    return 1;
+  }
+  return 0;
+}
