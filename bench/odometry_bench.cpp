@@ -33,6 +33,7 @@ struct Options {
   int decimate = 1;
   int every = 1;
   bool verbose = false;
+  int windows = 0;
 };
 
 double cpu_us() {
@@ -170,7 +171,16 @@ void report(const Options& options, Result& result) {
     }
   }
   if (result.truth.empty()) return;
-  const auto e = eval::evaluate(eval::associate(result.truth, result.estimate));
+  const auto pairs = eval::associate(result.truth, result.estimate);
+  for (std::size_t i = 0, n = static_cast<std::size_t>(options.windows); n > 0 && i + n < pairs.size();
+       i += n) {
+    const Se3 truth = pairs[i].truth.inverse() * pairs[i + n].truth;
+    const Se3 error = truth.inverse() * (pairs[i].estimate.inverse() * pairs[i + n].estimate);
+    fmt::print("{:4d} error mm {:6.1f} {:6.1f} {:6.1f} deg {:5.2f}  moved mm {:6.0f} {:6.0f} {:6.0f} deg {:5.1f}\n", i,
+               1e3 * error.t.x(), 1e3 * error.t.y(), 1e3 * error.t.z(), error.angle() * 57.2958,
+               1e3 * truth.t.x(), 1e3 * truth.t.y(), 1e3 * truth.t.z(), truth.angle() * 57.2958);
+  }
+  const auto e = eval::evaluate(pairs);
   fmt::print(
       "ATE {:.1f} mm (max {:.1f}), RPE frame {:.2f} mm {:.3f} deg, 1 s {:.1f} mm {:.2f} deg, path "
       "{:.2f} m, pairs {}, ATE/path {:.2f} %\n",
@@ -190,6 +200,7 @@ int main(int argc, char** argv) {
   app.add_option("--decimate", options.decimate, "Keeps every n-th pixel")->check(CLI::Range(1, 4));
   app.add_option("--every", options.every, "Keeps every n-th frame")->check(CLI::Range(1, 1000));
   app.add_flag("--verbose", options.verbose, "A line per frame");
+  app.add_option("--windows", options.windows, "Prints the error over every so many frames");
   CLI11_PARSE(app, argc, argv);
   if (options.truth.empty() && options.source.rfind("tum:", 0) == 0) {
     const auto folder = options.source.substr(4, options.source.find('?') - 4);

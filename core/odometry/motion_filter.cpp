@@ -64,7 +64,28 @@ void MotionFilter::predict(double dt_s, bool damped) noexcept {
   }
 }
 
-void MotionFilter::update(const Se3& T_odom_camera, const Matrix6d& information) noexcept {
+// A free axis is known only within the noise of the surfaces; coupled to it by that noise, a large
+// variance along the axis would turn errors across it into motion along it. Pinching keeps P a
+// covariance.
+void MotionFilter::decouple(std::span<const Vector6d> free_axes) noexcept {
+  if (free_axes.empty()) return;
+  Matrix6d free = Matrix6d::Zero();
+  for (Vector6d axis : free_axes) {
+    axis -= free * axis;
+    if (axis.squaredNorm() > 1e-6) free += axis * axis.transpose() / axis.squaredNorm();
+  }
+  const Matrix6d kept = Matrix6d::Identity() - free;
+  for (const int row : {0, 6}) {
+    for (const int col : {0, 6}) {
+      const Matrix6d block = P_.block<6, 6>(row, col);
+      P_.block<6, 6>(row, col) = free * block * free + kept * block * kept;
+    }
+  }
+}
+
+void MotionFilter::update(const Se3& T_odom_camera, const Matrix6d& information,
+                          std::span<const Vector6d> free_axes) noexcept {
+  decouple(free_axes);
   Matrix6d pose = P_.topLeftCorner<6, 6>();
   pose.diagonal().array() += kTinyVariance;
   const Matrix6d prior = pose.inverse();

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <span>
 
 #include "core/geometry/se3.hpp"
 #include "core/odometry/odometry_config.hpp"
@@ -23,7 +24,9 @@ class MotionFilter {
   void predict(double dt_s, bool damped) noexcept;
   /// Takes over an aligned pose whose free axes were filled from the prediction.
   /// @param information  of the measurement alone (tangent of camera); may be singular
-  void update(const Se3& T_odom_camera, const Matrix6d& information) noexcept;
+  /// @param free_axes    its null space, unit tangents
+  void update(const Se3& T_odom_camera, const Matrix6d& information,
+              std::span<const Vector6d> free_axes) noexcept;
   /// The present pose becomes the reference: its covariance is zero from here on.
   void anchor() noexcept;
 
@@ -32,6 +35,8 @@ class MotionFilter {
   [[nodiscard]] Matrix6d covariance() const noexcept { return P_.topLeftCorner<6, 6>(); }
 
  private:
+  void decouple(std::span<const Vector6d> free_axes) noexcept;
+
   Vector6d acceleration_;  ///< expected size
   Se3 T_odom_camera_;
   Vector6d velocity_ = Vector6d::Zero();  ///< m/s, rad/s; tangent of camera

@@ -13,12 +13,12 @@ struct OdometryConfig {
   int max_patches = 1024;
   int max_iterations = 12;
   double gate_rad = 0.5;
-  double gate_chi2 = 40.0;
-  double saturation_px = 200.0;
+  double gate_chi2 = 20.0;
+  double saturation_px = 60.0;
   double noise_scale = 1.5;
   // Motion prior.
-  double prior_acceleration_mps2 = 4.0;
-  double prior_angular_acceleration_radps2 = 20.0;
+  double prior_acceleration_mps2 = 20.0;
+  double prior_angular_acceleration_radps2 = 100.0;
   // What counts as free, and as lost.
   double free_m = 0.05;
   double free_rad = 0.05;

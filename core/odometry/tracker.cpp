@@ -128,7 +128,8 @@ bool Tracker::relocalise(const PosePrior& prior, Alignment& out, Deadline deadli
 }
 
 void Tracker::accept(const Alignment& alignment, Track& track) noexcept {
-  filter_.update(alignment.T_odom_camera, alignment.information);
+  filter_.update(alignment.T_odom_camera, alignment.information,
+                 {alignment.free_axes.data(), alignment.free_axes.size()});
   lost_ = false;
   usable_while_lost_ = 0;
   track.state = Track::State::kTracking;
