@@ -73,7 +73,9 @@ void run(const Options& options) {
   }
   const draw::Plan plan = draw::make_plan(runs, up);
   const std::string title =
-      !options.title.empty() ? options.title : fmt::format("Map of {}", runs.front().name);
+      !options.title.empty()
+          ? options.title
+          : (runs.size() == 1 ? std::string{"Map"} : fmt::format("Map of {} agents", runs.size()));
   std::vector<fs::path> written = pictures(options);
   for (const fs::path& file : written) draw::draw_sheet(plan, title, file);
   if (options.out.empty()) {
@@ -112,8 +114,7 @@ void add_draw(CLI::App& app) {
                    "frame")
       ->type_name("auto|X,Y,Z")
       ->capture_default_str();
-  command->add_option("--title", options->title, "Headline; default: the first folder's name")
-      ->type_name("TEXT");
+  command->add_option("--title", options->title, "Headline; default: Map")->type_name("TEXT");
   command->add_option("--out", options->out, "One picture, *.svg or *.png, instead of all files")
       ->type_name("FILE");
   command->add_flag("--json", options->json, "One line of JSON: files and figures");
