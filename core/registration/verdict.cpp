@@ -10,7 +10,7 @@ namespace {
 
 constexpr double kSamePlace_m = 0.1;
 constexpr double kSamePlace_rad = 0.05;
-constexpr double kNearlyAsGood = 0.8;  // of the best hypothesis' matched area
+constexpr double kNearlyAsGood = 0.8;  // of the best hypothesis' matched area and pairs
 
 // Matched area, less where the fit is bad.
 double score(const MapletAlignment& alignment) noexcept {

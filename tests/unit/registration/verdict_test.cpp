@@ -1,0 +1,107 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#include "core/registration/verdict.hpp"
+
+#include <gtest/gtest.h>
+
+#include <memory>
+
+#include "core/registration/closure_finder.hpp"
+#include "tests/support/maplets.hpp"
+
+namespace maplet {
+namespace {
+
+using Guess = Transform<MapletA, MapletB>;
+
+std::unique_ptr<Maplet> view(const std::vector<test::Wall>& walls, const Se3& T_world_maplet,
+                             std::uint32_t id = 0) {
+  auto m = std::make_unique<Maplet>();
+  test::fill(*m, walls, T_world_maplet);
+  m->key.id = id;
+  return m;
+}
+
+Closure verify(const Maplet& a, const Maplet& b, const Se3& guess) {
+  const auto verifier = std::make_unique<Verifier>(RegistrationConfig{});
+  return verifier->verify(a, b, Guess{guess}, 0.4, 0.2, false, Deadline::never());
+}
+
+TEST(Verifier, AcceptsTheSamePlace) {
+  const Se3 T_world_a = test::camera_at({2.0, 2.5, 1.2}, 0.2);
+  const Se3 T_world_b = test::camera_at({2.8, 2.2, 1.25}, 0.7);
+  const Closure c = verify(*view(test::room(), T_world_a), *view(test::room(), T_world_b),
+                           T_world_a.inverse() * T_world_b);
+  EXPECT_EQ(c.judgement.verdict, Verdict::kAccept) << c.judgement.reason;
+}
+
+TEST(Verifier, EmptyAndPoorMapletsAreNotAccepted) {
+  const Se3 T = test::camera_at({2.0, 2.5, 1.2}, 0.2);
+  const auto room = view(test::room(), T);
+  EXPECT_EQ(verify(*room, *view({}, T), {}).judgement.verdict, Verdict::kReject);
+  const std::vector<test::Wall> one{test::room()[2]};
+  EXPECT_NE(verify(*view(one, T), *view(one, T), {}).judgement.verdict, Verdict::kAccept);
+  const std::vector<test::Wall> parallel{test::room()[0], test::room()[1], test::room()[7]};
+  EXPECT_NE(verify(*view(parallel, T), *view(parallel, T), {}).judgement.verdict, Verdict::kAccept);
+}
+
+// Pillars of one kind at one distance: shifted by one they fit nearly as well.
+TEST(Verifier, RepeatedStructureIsUndecided) {
+  using V = Eigen::Vector3d;
+  std::vector<test::Wall> walls{{V{6, 2.5, 0}, V{6, 0, 0}, V{0, 2.5, 0}},
+                                {V{6, 0, 1.3}, V{0, 0, 1.3}, V{6, 0, 0}},
+                                {V{6, 5, 1.3}, V{6, 0, 0}, V{0, 0, 1.3}}};
+  for (int i = 0; i < 24; ++i) {
+    walls.push_back({V{0.4 * i + 1.0, 0.2, 1.3}, V{0, 0.2, 0}, V{0, 0, 1.3}});
+  }
+  const Se3 T = test::camera_at({3.0, 2.5, 1.2}, 0.0);
+  const Closure c = verify(*view(walls, T), *view(walls, T), {});
+  EXPECT_EQ(c.judgement.verdict, Verdict::kUndecided);
+  EXPECT_EQ(c.judgement.reason, "another place fits nearly as well");
+}
+
+TEST(BlockedSight, WallInTheWayIsNoticed) {
+  const Se3 T = test::camera_at({1.0, 2.5, 1.2}, 0.0);
+  const auto room = view(test::room(), T);
+  auto walls = test::room();
+  walls.push_back({{3.0, 2.5, 1.3}, {0, 0, 1.3}, {0, 2.5, 0}});  // across, faces the camera
+  EXPECT_EQ(blocked_sight(*room, *room, {}), 0.0);
+  EXPECT_GT(blocked_sight(*room, *view(walls, T), {}), 0.3);
+}
+
+class TwoPlaces final : public PlacePrior {
+ public:
+  TwoPlaces(const Maplet& older, const Se3& T_older_newest) : older_{older}, T_{T_older_newest} {}
+  [[nodiscard]] int count() const noexcept override { return 1; }
+  [[nodiscard]] MapletKey key(int) const noexcept override { return older_.key; }
+  [[nodiscard]] bool relate(int, const MapletKey&, Guess& T) const noexcept override {
+    T = Guess{T_};
+    return true;
+  }
+  [[nodiscard]] const Maplet* load(int) noexcept override { return &older_; }
+
+ private:
+  const Maplet& older_;
+  Se3 T_;
+};
+
+TEST(ClosureFinder, ClosesALoopThatDrifted) {
+  const Se3 T_world_a = test::camera_at({2.0, 2.5, 1.2}, 0.2);
+  const Se3 T_world_b = test::camera_at({2.8, 2.2, 1.25}, 0.7);
+  const auto a = view(test::room(), T_world_a, 3);
+  const Se3 T_a_b = T_world_a.inverse() * T_world_b;
+  const Se3 drift = Se3::exp((Vector6d() << 0.15, 0.05, -0.1, 0.02, 0.05, 0.0).finished());
+  Arena arena;
+  ClosureFinder finder{{}, arena};
+  TwoPlaces places{*a, T_a_b * drift};
+  const auto found = finder.run(*view(test::room(), T_world_b, 12), places, Deadline::never());
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_EQ(found[0].kind, DeltaPose::Kind::kClosure);
+  EXPECT_EQ(found[0].a.id, 3U);
+  EXPECT_LT((T_a_b.inverse() * found[0].T_a_b.se3).log().norm(), 1e-3);
+  // Neighbours on the path are the registrar's.
+  EXPECT_TRUE(finder.run(*view(test::room(), T_world_b, 5), places, Deadline::never()).empty());
+  EXPECT_EQ(finder.counts().tried, 1U);
+}
+
+}  // namespace
+}  // namespace maplet
