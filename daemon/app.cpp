@@ -77,6 +77,14 @@ SourceOptions source_options(const Config& config) {
   return options;
 }
 
+/// A source's URI without its query, and of a path only its last part: "sim:loop", "redkitchen_a".
+std::string short_name(const std::string& uri) {
+  std::string name = uri.substr(0, uri.find('?'));
+  while (name.size() > 1 && name.back() == '/') name.pop_back();
+  const auto slash = name.find_last_of('/');
+  return slash == std::string::npos ? name : name.substr(slash + 1);
+}
+
 }  // namespace
 
 App::App(const Options& options, const Config& config)
@@ -259,7 +267,8 @@ int App::finish() {
     log_error(written.error());
     return kExitFailure;
   }
-  return draw() && write_report() ? kExitDone : kExitFailure;
+  // The picture tells figures of the report.
+  return write_report() && draw() ? kExitDone : kExitFailure;
 }
 
 void App::publish_status(StatusRecord::State state) {
@@ -292,7 +301,9 @@ void App::publish_status(StatusRecord::State state) {
 }
 
 bool App::draw() {
-  std::vector<std::string> arguments{"draw", output_->folder().string()};
+  // The headline is the source's, not the folder's: two runs give the same bytes.
+  std::vector<std::string> arguments{"draw", output_->folder().string(), "--title",
+                                     "Map of " + short_name(config_.input.source)};
   if (const auto& up = config_.body.up) {
     arguments.insert(arguments.end(),
                      {"--up", fmt::format("{},{},{}", (*up)[0], (*up)[1], (*up)[2])});
