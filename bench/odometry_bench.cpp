@@ -103,7 +103,7 @@ Result run(const Options& options) {
   OdometryConfig odometry;
   PatchConfig patch_config;
   apply(odometry, OdometryConfig::kFields, options.set, "odometry");
-  apply(patch_config, kPatchFields, options.set, "patches");
+  apply(patch_config, PatchConfig::kFields, options.set, "patches");
   SourceOptions source_options;
   auto opened = open_source(options.source, source_options);
   if (!opened) throw std::runtime_error{opened.error().what};
@@ -172,13 +172,15 @@ void report(const Options& options, Result& result) {
   }
   if (result.truth.empty()) return;
   const auto pairs = eval::associate(result.truth, result.estimate);
-  for (std::size_t i = 0, n = static_cast<std::size_t>(options.windows); n > 0 && i + n < pairs.size();
-       i += n) {
+  for (std::size_t i = 0, n = static_cast<std::size_t>(options.windows);
+       n > 0 && i + n < pairs.size(); i += n) {
     const Se3 truth = pairs[i].truth.inverse() * pairs[i + n].truth;
     const Se3 error = truth.inverse() * (pairs[i].estimate.inverse() * pairs[i + n].estimate);
-    fmt::print("{:4d} error mm {:6.1f} {:6.1f} {:6.1f} deg {:5.2f}  moved mm {:6.0f} {:6.0f} {:6.0f} deg {:5.1f}\n", i,
-               1e3 * error.t.x(), 1e3 * error.t.y(), 1e3 * error.t.z(), error.angle() * 57.2958,
-               1e3 * truth.t.x(), 1e3 * truth.t.y(), 1e3 * truth.t.z(), truth.angle() * 57.2958);
+    fmt::print(
+        "{:4d} error mm {:6.1f} {:6.1f} {:6.1f} deg {:5.2f}  moved mm {:6.0f} {:6.0f} {:6.0f} deg "
+        "{:5.1f}\n",
+        i, 1e3 * error.t.x(), 1e3 * error.t.y(), 1e3 * error.t.z(), error.angle() * 57.2958,
+        1e3 * truth.t.x(), 1e3 * truth.t.y(), 1e3 * truth.t.z(), truth.angle() * 57.2958);
   }
   const auto e = eval::evaluate(pairs);
   fmt::print(

@@ -17,8 +17,8 @@ struct OdometryConfig {
   double saturation_px = 60.0;
   double noise_scale = 1.5;
   // Motion prior.
-  double prior_acceleration_mps2 = 20.0;
-  double prior_angular_acceleration_radps2 = 100.0;
+  double prior_acceleration_mps2 = 5.0;
+  double prior_angular_acceleration_radps2 = 30.0;
   // What counts as free, and as lost.
   double free_m = 0.05;
   double free_rad = 0.05;
@@ -26,10 +26,10 @@ struct OdometryConfig {
   double min_overlap = 0.25;
   int lost_frames = 5;
   // When a keyframe is due.
-  double keyframe_overlap = 0.6;
-  double keyframe_distance_m = 0.30;
+  double keyframe_overlap = 0.5;
+  double keyframe_distance_m = 0.20;
   double keyframe_rad = 0.30;
-  double keyframe_entropy = 0.7;
+  double keyframe_entropy = 1.0;
 
   static constexpr Field<OdometryConfig> kFields[] = {
       {"references", &OdometryConfig::references, 1, 3,

@@ -14,7 +14,9 @@ namespace {
 constexpr double kTailDof = 5.0;        // of the t-distribution of residuals
 constexpr double kMinScale = 0.2;       // of s = 1 + q.p: a plane seen almost edge-on is no witness
 constexpr double kSlackShrinks = 0.25;  // from an association to the next
-constexpr double kFineM = 0.002;        // no slack below these
+// What is left of it: patches of two frames are cut differently, and without any slack those that
+// agree with the start keep it where it is. Measured (docs/math/odometry.md).
+constexpr double kFineM = 0.003;
 constexpr double kFineRad = 0.001;
 constexpr double kInlierChi2 = 16.27;  // 99.9 % of 3 degrees of freedom
 constexpr int kStepsPerAssociation = 2;
@@ -191,8 +193,8 @@ Alignment PatchAligner::run(const PatchView& frame, std::span<const Reference> r
     }
     const bool again = i % kStepsPerAssociation == 0;
     if (again) {
-      const bool fine = slack.m < kFineM && slack.rad < kFineRad;
-      if (fine) slack = {0.0, 0.0, all};
+      if (slack.m < kFineM && slack.rad < kFineRad) slack.facets = all;
+      if (slack.facets == all) slack = {kFineM, kFineRad, all};
       associate(frame, references, out.T_odom_camera, slack);
       noise = spurious(references, out.T_odom_camera);
     }
@@ -208,11 +210,11 @@ Alignment PatchAligner::run(const PatchView& frame, std::span<const Reference> r
     out.T_odom_camera = out.T_odom_camera * Se3::exp(step);
     ++out.iterations;
     const bool small = step.head<3>().norm() < kStepM && step.tail<3>().norm() < kStepRad;
-    if (slack.facets == all && slack.m == 0.0 && !again && small) {
+    if (slack.facets == all && !again && small) {
       out.stop = Stop::kConverged;
       break;
     }
-    if (!again) {
+    if (!again && slack.facets != all) {
       slack.m *= kSlackShrinks;
       slack.rad *= kSlackShrinks;
     }
