@@ -187,7 +187,7 @@ TEST(Tracker, IsNotPulledByAMovingPerson) {
     const Track track = session.step(scene, pose_at(0.033 * i));
     ASSERT_EQ(track.state, Track::State::kTracking) << i;
     const Se3 truth = pose_at(0.0).inverse() * pose_at(0.033 * i);
-    ASSERT_LT((truth.inverse() * track.T_odom_camera.se3).t.norm(), 0.30) << i;
+    ASSERT_LT((truth.inverse() * track.T_odom_camera.se3).t.norm(), 0.10) << i;
   }
 }
 
