@@ -19,6 +19,11 @@ class Deadline {
 
   [[nodiscard]] bool expired() const noexcept { return clock_ != nullptr && clock_->now() >= end_; }
 
+  /// Time left, negative when it has passed; Duration::max() when it never does.
+  [[nodiscard]] Duration remaining() const noexcept {
+    return clock_ == nullptr ? Duration::max() : end_ - clock_->now();
+  }
+
   /// A tighter deadline inside this one; never a later one.
   [[nodiscard]] Deadline within(Duration budget) const noexcept {
     if (clock_ == nullptr) return *this;

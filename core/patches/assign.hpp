@@ -1,27 +1,39 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
-#include <span>
 
-#include "core/frame/depth_frame.hpp"
 #include "core/patches/block.hpp"
 
 namespace maplet {
 
-/// A plane's inverse depth inside a cell, in steps: at its top left pixel, and per pixel.
+/// A plane's inverse depth in a block, in steps: at its top left pixel, and per pixel.
 struct LinearDepth {
   float corner, per_u, per_v;
+  float limit;        ///< a pixel farther from it does not belong to it
+  std::int32_t name;  ///< 0 to 254
 };
 
-/// Gives each pixel of a cell to the plane that explains it best within `limit_steps`.
+/// Planes that one call takes at most.
+inline constexpr int kMaxAssigned = 8;
+
+/// Gives each pixel of a block of 8 x `rows` to the plane that explains it best.
 ///
-/// @param names  of the planes; what is written for a pixel; 0xFF for none
-/// @param out    an image of `out_stride` bytes a row, written inside the cell only
-/// @param won    pixels of each plane
-void assign_pixels(const ImageView<std::uint16_t>& depth, int u, int v, int columns, int rows,
-                   const DepthScale& scale, float limit_steps, std::span<const LinearDepth> planes,
-                   const std::uint8_t* names, std::uint8_t* out, int out_stride,
-                   std::uint32_t* won) noexcept;
+/// @param labels  written, 8 a row, `labels_stride` apart: the plane's name, or 255
+/// @param won     pixels of each plane are added
+using AssignFunction = void (*)(const std::uint16_t* pixels, std::ptrdiff_t stride_px, int rows,
+                                const DepthScale& scale, const LinearDepth* planes, int count,
+                                std::uint8_t* labels, std::ptrdiff_t labels_stride,
+                                std::uint32_t* won) noexcept;
+
+/// All variants give the same labels.
+void assign_block_plain(const std::uint16_t* pixels, std::ptrdiff_t stride_px, int rows,
+                        const DepthScale& scale, const LinearDepth* planes, int count,
+                        std::uint8_t* labels, std::ptrdiff_t labels_stride,
+                        std::uint32_t* won) noexcept;
+
+/// The fastest one that this processor runs.
+[[nodiscard]] AssignFunction best_assign_function() noexcept;
 
 }  // namespace maplet

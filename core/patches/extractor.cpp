@@ -21,6 +21,20 @@ float mean_gray(const ImageView<std::uint8_t>& gray, const Patch& patch) noexcep
   return static_cast<float>(sum) / static_cast<float>(count);
 }
 
+// What reading a pixel and carrying a cell to the end cost on a 3 GHz x86; a slower machine finds
+// its plan too ambitious and is cut by the stages' deadlines.
+constexpr double kPixelNs = 0.5;
+constexpr double kCellNs = 110.0;
+/// The plan leaves the rest to the second look and to what was underestimated.
+constexpr double kPlanShare = 0.75;
+constexpr int kMaxRowStep = 8;
+constexpr int kCoarsestCellPx = 64;
+
+/// A plane that looks smoother than this share of the noise model has been lucky.
+constexpr double kLeastNoise = 0.4;
+
+constexpr double kSquaredSteps = kInverseDepthSteps * kInverseDepthSteps;
+
 }  // namespace
 
 PatchExtractor::PatchExtractor(const PatchConfig& config, Arena& arena)
@@ -28,141 +42,223 @@ PatchExtractor::PatchExtractor(const PatchConfig& config, Arena& arena)
       pyramid_{config, arena},
       tree_{config, arena},
       merger_{config, arena},
-      refiner_{config, arena},
-      plane_of_region_{arena.make_array<std::int16_t>(Merger::kMaxRegions, "patches/numbers")},
+      refiner_{arena},
+      candidate_of_region_{arena.make_array<std::int16_t>(Merger::kMaxRegions, "patches/numbers")},
       largest_{arena.make_array<std::int16_t>(Merger::kMaxRegions, "patches/order")},
-      fits_{arena.make_array<Fit>(kMaxFramePlanes, "patches/fits")},
+      plane_of_candidate_{
+          arena.make_array<std::int16_t>(Refiner::kMaxCandidates, "patches/plane numbers")},
+      gray_sum_{arena.make_array<double>(kMaxFramePlanes, "patches/gray")},
       out_{arena.make<PatchSet>("patches/result")} {}
 
 const PatchSet& PatchExtractor::run(const DepthFrame& frame, Deadline deadline) noexcept {
   out_->clear();
   out_->camera = frame.camera;
-  if (!frame.camera.valid()) {
-    refiner_.forget();
-    return *out_;
-  }
+  refiner_.forget();
+  if (!frame.camera.valid()) return *out_;
   pixel_frame_ = PixelFrame{frame.camera};
   correlated_px_ = std::max(1.0, frame.noise.correlated_px);
 
-  const bool seen = pyramid_.fill(frame, deadline);
+  const Plan when = plan(frame, deadline);
+  const int cell_px = pyramid_.finest(frame.depth.width_px, frame.depth.height_px).cell_px;
+  const auto least = static_cast<std::uint32_t>(config_.min_plane_cells * cell_px * cell_px);
+  const bool seen = pyramid_.fill(frame, when.grain, when.fill) && when.finest;
   out_->valid_pixels = pyramid_.valid_pixels();
-  const Stop split = tree_.run(pyramid_, frame.camera, correlated_px_, deadline);
-  const Stop merge = merger_.run(pyramid_, tree_, correlated_px_, deadline);
-  number_planes();
-  emit_planes(frame);
-  emit_patches(frame);
-  Stop look = Stop::kConverged;
+  const Stop split = tree_.run(pyramid_, frame.camera, correlated_px_, when.split);
+  const Stop merge = merger_.run(pyramid_, tree_, correlated_px_, least, when.merge);
+  nominate_planes();
   name_cells();
-  if (config_.second_look) {
-    look = refiner_.run(frame, pyramid_, fits_.first(out_->planes.size()), deadline);
-  } else {
-    refiner_.skip(pyramid_);
-  }
+  const Stop look =
+      config_.second_look ? refiner_.run(frame, pyramid_, least, when.look) : Stop::kConverged;
+  emit_planes();
+  emit_patches(frame, deadline);
   out_->stop = !seen ? Stop::kDeadline : std::max({split, merge, look});
   return *out_;
 }
 
-void PatchExtractor::number_planes() noexcept {
+PatchExtractor::Plan PatchExtractor::plan(const DepthFrame& frame,
+                                          Deadline deadline) const noexcept {
+  Plan out{pyramid_.finest(frame.depth.width_px, frame.depth.height_px),
+           true,
+           deadline,
+           deadline,
+           deadline,
+           deadline};
+  const Duration left = deadline.remaining();
+  if (left == Duration::max()) return out;
+  const double pixels = static_cast<double>(frame.depth.width_px) * frame.depth.height_px;
+  const auto expected_ns = [&](const Pyramid::Grain& g) {
+    return pixels * kPixelNs / g.row_step + pixels / (g.cell_px * g.cell_px) * kCellNs;
+  };
+  while (expected_ns(out.grain) > static_cast<double>(left.count()) * kPlanShare) {
+    out.finest = false;
+    // Rows go first, then the grid: both keep the whole image in view.
+    if (out.grain.row_step < kMaxRowStep && out.grain.cell_px / out.grain.row_step > kBlockPx) {
+      out.grain.row_step *= 2;
+    } else if (out.grain.cell_px < kCoarsestCellPx) {
+      out.grain.cell_px *= 2;
+    } else {
+      break;
+    }
+  }
+  const auto share = [&](double part) {
+    return deadline.within(Duration{static_cast<std::int64_t>(
+        static_cast<double>(std::max(left, Duration{0}).count()) * part)});
+  };
+  out.fill = share(0.50);
+  out.split = share(0.65);
+  out.merge = share(0.78);
+  out.look = share(0.88);
+  return out;
+}
+
+void PatchExtractor::nominate_planes() noexcept {
   const std::span<const Region> regions = merger_.regions();
   std::size_t count = 0;
   for (std::size_t r = 0; r < regions.size(); ++r) {
-    plane_of_region_[r] = Patch::kNoPlane;
+    candidate_of_region_[r] = Patch::kNoPlane;
     if (regions[r].merged_into < 0) largest_[count++] = static_cast<std::int16_t>(r);
   }
   const auto larger = [&](std::int16_t a, std::int16_t b) {
     return regions[a].pixels != regions[b].pixels ? regions[a].pixels > regions[b].pixels : a < b;
   };
   std::sort(largest_.begin(), largest_.begin() + static_cast<std::ptrdiff_t>(count), larger);
-  count = std::min(count, kMaxFramePlanes);
-  for (std::size_t p = 0; p < count; ++p)
-    plane_of_region_[largest_[p]] = static_cast<std::int16_t>(p);
-  out_->planes.resize(count);
-}
-
-Eigen::Matrix3d PatchExtractor::information(const Moments& moments, double rss) const noexcept {
-  const double sigma = pyramid_.sigma_steps() / kInverseDepthSteps;
-  const double model = sigma * sigma;
-  const double measured = rss / (moments.n * kInverseDepthSteps * kInverseDepthSteps);
-  return pixel_frame_.normal_matrix(moments) / (std::max(model, measured) * correlated_px_);
-}
-
-void PatchExtractor::emit_planes(const DepthFrame&) noexcept {
-  for (std::size_t p = 0; p < out_->planes.size(); ++p) {
-    const Region& region = merger_.regions()[largest_[p]];
-    const Fit f = fits_[p] = fit(region.moments);
-    FramePlane& plane = out_->planes[p];
-    plane.theta = pixel_frame_.theta(f);
-    plane.information = information(region.moments, f.rss);
-    plane.pixels = region.pixels;
-    plane.area_m2 = 0.0F;
-    // Distance to the plane is d Z times the residual of 1/Z (eq. 14).
-    const double rms = std::sqrt(f.rss / region.moments.n) / kInverseDepthSteps;
-    plane.rms_m = static_cast<float>(rms * kInverseDepthSteps / (f.w0 * plane.theta.norm()));
-    plane.mean_gray = -1.0F;
+  candidate_count_ = std::min(count, Refiner::kMaxCandidates);
+  refiner_.begin(pyramid_, candidate_count_);
+  for (std::size_t c = 0; c < candidate_count_; ++c) {
+    const Region& region = regions[largest_[c]];
+    candidate_of_region_[largest_[c]] = static_cast<std::int16_t>(c);
+    // Of n pixels a cell's own plane takes three degrees of freedom.
+    const double dof = std::max(1.0, region.moments.n - 3.0 * region.cells);
+    const double sigma = pyramid_.sigma_steps();
+    refiner_.planes()[c] = {
+        .fit = fit(region.moments),
+        .moments = region.moments,
+        .noise_steps = std::clamp(std::sqrt(region.cells_rss / dof), kLeastNoise * sigma, sigma),
+        .before = region.pixels,
+        .pixels = region.pixels};
   }
+}
+
+std::int16_t PatchExtractor::candidate_of(const Leaf& leaf) const noexcept {
+  const int region = merger_.resolve(leaf.region);
+  return region < 0 ? Patch::kNoPlane : candidate_of_region_[region];
 }
 
 void PatchExtractor::name_cells() noexcept {
-  const std::span<std::uint8_t> cells = refiner_.cells();
-  const PatchGrid& grid = out_->cells;
-  for (int k = 0; k < grid.width * grid.height; ++k) {
-    const std::int16_t patch = grid.patch[k];
-    const std::int16_t plane = patch < 0 ? Patch::kNoPlane : out_->patches[patch].plane;
-    cells[k] = plane < 0 ? Refiner::kNone : static_cast<std::uint8_t>(plane);
+  const int wide = pyramid_.cells_wide();
+  const int high = pyramid_.cells_high();
+  for (const Leaf& leaf : tree_.leaves()) {
+    const std::int16_t candidate = candidate_of(leaf);
+    if (candidate < 0) continue;
+    const auto name = static_cast<std::uint8_t>(candidate);
+    if (leaf.level < Pyramid::kCellLevel) {
+      refiner_.hints()[leaf.j / 2 * wide + leaf.i / 2] = name;
+      continue;
+    }
+    const int edge = 1 << (leaf.level - Pyramid::kCellLevel);
+    const int i = leaf.i * edge;
+    for (int j = leaf.j * edge; j < std::min((leaf.j + 1) * edge, high); ++j) {
+      std::fill_n(refiner_.cells().begin() + j * wide + i, std::min(edge, wide - i), name);
+    }
   }
 }
 
-void PatchExtractor::emit_patches(const DepthFrame& frame) noexcept {
+Eigen::Matrix3d PatchExtractor::information(const Moments& moments,
+                                            double noise_power) const noexcept {
+  return pixel_frame_.normal_matrix(moments) * (kSquaredSteps / noise_power);
+}
+
+void PatchExtractor::emit_planes() noexcept {
+  for (std::size_t c = 0; c < candidate_count_; ++c) {
+    plane_of_candidate_[c] = Patch::kNoPlane;
+    if (!refiner_.planes()[c].alive || out_->planes.size() == kMaxFramePlanes) continue;
+    plane_of_candidate_[c] = static_cast<std::int16_t>(out_->planes.size());
+    refiner_.rename(c, static_cast<std::uint8_t>(out_->planes.size()));
+    emit_plane(c);
+  }
+}
+
+void PatchExtractor::emit_plane(std::size_t candidate) noexcept {
+  const Candidate& from = refiner_.planes()[candidate];
+  const Region& region = merger_.regions()[largest_[candidate]];
+  gray_sum_[out_->planes.size()] = 0.0;
+  FramePlane& plane = out_->planes.emplace_back();
+  plane.theta = pixel_frame_.theta(from.fit);
+  // Eq. 13: how far the cells' own planes are from the whole one tells the noise's power at low
+  // frequencies, correlation and distortion included; the model is the prior.
+  const double prior = tree_.noise_power();
+  const double explained = std::max(0.0, region.rss - region.cells_rss);
+  const double dof = 3.0 * std::max(0.0, static_cast<double>(region.cells) - 1.0);
+  constexpr double kPriorDof = 12.0;
+  plane.information =
+      information(from.moments, (kPriorDof * prior + explained) / (kPriorDof + dof));
+  plane.pixels = from.pixels;
+  plane.area_m2 = 0.0F;
+  // Distance to the plane is d Z times the residual of 1/Z (eq. 16).
+  const double rms = std::sqrt(from.fit.rss / from.moments.n);
+  plane.rms_m = static_cast<float>(rms / (from.fit.w0 * plane.theta.norm()));
+  plane.mean_gray = -1.0F;
+}
+
+void PatchExtractor::emit_patches(const DepthFrame& frame, Deadline deadline) noexcept {
   PatchGrid& grid = out_->cells;
   grid.cell_px = static_cast<std::uint16_t>(pyramid_.cell_px());
   grid.width = static_cast<std::uint16_t>(pyramid_.cells_wide());
   grid.height = static_cast<std::uint16_t>(pyramid_.cells_high());
   std::fill_n(grid.patch.begin(), grid.width * grid.height, PatchGrid::kNone);
-  const double sigma = pyramid_.sigma_steps();
-  const double pixel_area = std::abs(pixel_frame_.inv_fx * pixel_frame_.inv_fy);
-  double gray_sum[kMaxFramePlanes] = {};
   for (const Leaf& leaf : tree_.leaves()) {
-    const int region = merger_.resolve(leaf.region);
-    const std::int16_t plane = region < 0 ? Patch::kNoPlane : plane_of_region_[region];
-    // A lone finest cell that no neighbour agrees with often straddles an edge: do not believe it.
-    if (plane == Patch::kNoPlane && leaf.level == 0) continue;
-    const PyramidNode& node = pyramid_.at(leaf.level, leaf.i, leaf.j);
-    const Fit f = fit(node.moments);
-    const int edge = pyramid_.cell_px() << leaf.level;
-    const auto index = static_cast<std::int16_t>(out_->patches.size());
-    Patch& patch = out_->patches.emplace_back();
-    patch.theta = pixel_frame_.theta(f);
-    patch.information = information(node.moments, f.rss);
-    patch.ray = pixel_frame_.ray(f.u0, f.v0);
-    patch.u_px = static_cast<std::uint16_t>(leaf.i * edge);
-    patch.v_px = static_cast<std::uint16_t>(leaf.j * edge);
-    patch.width_px = static_cast<std::uint16_t>(std::min(edge, frame.depth.width_px - patch.u_px));
-    patch.height_px =
-        static_cast<std::uint16_t>(std::min(edge, frame.depth.height_px - patch.v_px));
-    patch.pixels = node.pixels;
-    patch.rms = static_cast<float>(std::sqrt(f.rss / node.moments.n) / sigma);
-    patch.mean_gray = mean_gray(frame.gray, patch);
-    patch.plane = plane;
-    out_->covered_pixels += node.pixels;
-    if (plane != Patch::kNoPlane) {
-      FramePlane& whole = out_->planes[plane];
-      const double z = kInverseDepthSteps / f.w0;
-      whole.area_m2 +=
-          static_cast<float>(node.pixels * pixel_area * whole.theta.norm() * z * z * z);  // eq. 15
-      gray_sum[plane] += static_cast<double>(patch.mean_gray) * node.pixels;
-    }
-    const int cells = 1 << leaf.level;
-    for (int j = leaf.j * cells; j < std::min<int>((leaf.j + 1) * cells, grid.height); ++j) {
-      for (int i = leaf.i * cells; i < std::min<int>((leaf.i + 1) * cells, grid.width); ++i) {
-        grid.patch[j * grid.width + i] = index;
-      }
+    if (leaf.level < Pyramid::kCellLevel) continue;
+    const std::int16_t candidate = candidate_of(leaf);
+    const std::int16_t plane = candidate < 0 ? Patch::kNoPlane : plane_of_candidate_[candidate];
+    // A lone cell that no neighbour agrees with often straddles an edge: do not believe it.
+    if (plane == Patch::kNoPlane && leaf.level == Pyramid::kCellLevel) continue;
+    if (out_->patches.size() % 16 == 15 && deadline.expired()) break;
+    emit_patch(leaf, plane, frame);
+  }
+  if (frame.gray.empty()) return;
+  for (std::size_t p = 0; p < out_->planes.size(); ++p) {
+    FramePlane& plane = out_->planes[p];
+    plane.mean_gray = static_cast<float>(gray_sum_[p] / std::max(1e-9F, plane.area_m2));
+  }
+}
+
+void PatchExtractor::emit_patch(const Leaf& leaf, std::int16_t plane,
+                                const DepthFrame& frame) noexcept {
+  const PyramidNode& node = pyramid_.at(leaf.level, leaf.i, leaf.j);
+  const Fit f = fit(node.moments);
+  const int edge = pyramid_.edge_px(leaf.level);
+  const auto index = static_cast<std::int16_t>(out_->patches.size());
+  Patch& patch = out_->patches.emplace_back();
+  patch.theta = pixel_frame_.theta(f);
+  patch.information = information(node.moments, tree_.noise_power());
+  patch.ray = pixel_frame_.ray(f.u0, f.v0);
+  patch.u_px = static_cast<std::uint16_t>(leaf.i * edge);
+  patch.v_px = static_cast<std::uint16_t>(leaf.j * edge);
+  patch.width_px = static_cast<std::uint16_t>(std::min(edge, frame.depth.width_px - patch.u_px));
+  patch.height_px = static_cast<std::uint16_t>(std::min(edge, frame.depth.height_px - patch.v_px));
+  patch.pixels = node.pixels;
+  patch.rms = static_cast<float>(std::sqrt(f.rss / node.moments.n) / pyramid_.sigma_steps());
+  patch.mean_gray = mean_gray(frame.gray, patch);
+  patch.plane = plane;
+  out_->covered_pixels += node.pixels;
+  if (plane != Patch::kNoPlane) add_to_plane(patch, f.w0);
+  PatchGrid& grid = out_->cells;
+  const int cells = 1 << (leaf.level - Pyramid::kCellLevel);
+  for (int j = leaf.j * cells; j < std::min<int>((leaf.j + 1) * cells, grid.height); ++j) {
+    for (int i = leaf.i * cells; i < std::min<int>((leaf.i + 1) * cells, grid.width); ++i) {
+      grid.patch[j * grid.width + i] = index;
     }
   }
-  if (!frame.gray.empty()) {
-    for (std::size_t p = 0; p < out_->planes.size(); ++p) {
-      out_->planes[p].mean_gray = static_cast<float>(gray_sum[p] / out_->planes[p].pixels);
-    }
-  }
+}
+
+void PatchExtractor::add_to_plane(const Patch& patch, double mean_w) noexcept {
+  FramePlane& plane = out_->planes[patch.plane];
+  const double z = kInverseDepthSteps / mean_w;
+  const double pixel_m2 =
+      std::abs(pixel_frame_.inv_fx * pixel_frame_.inv_fy) * plane.theta.norm() * z * z * z;
+  const double area = patch.pixels * pixel_m2;  // eq. 17
+  plane.area_m2 += static_cast<float>(area);
+  gray_sum_[patch.plane] += static_cast<double>(patch.mean_gray) * area;
 }
 
 }  // namespace maplet

@@ -36,11 +36,23 @@ class PatchExtractor {
   }
 
  private:
+  /// When each stage has to hand on, and how finely the image is read for it.
+  struct Plan {
+    Pyramid::Grain grain;
+    bool finest = true;
+    Deadline fill, split, merge, look;
+  };
+  [[nodiscard]] Plan plan(const DepthFrame& frame, Deadline deadline) const noexcept;
+  void nominate_planes() noexcept;
   void name_cells() noexcept;
-  void number_planes() noexcept;
-  void emit_planes(const DepthFrame& frame) noexcept;
-  void emit_patches(const DepthFrame& frame) noexcept;
-  [[nodiscard]] Eigen::Matrix3d information(const Moments& moments, double rss) const noexcept;
+  void emit_planes() noexcept;
+  void emit_plane(std::size_t candidate) noexcept;
+  void emit_patches(const DepthFrame& frame, Deadline deadline) noexcept;
+  void emit_patch(const Leaf& leaf, std::int16_t plane, const DepthFrame& frame) noexcept;
+  void add_to_plane(const Patch& patch, double mean_w) noexcept;
+  [[nodiscard]] std::int16_t candidate_of(const Leaf& leaf) const noexcept;
+  [[nodiscard]] Eigen::Matrix3d information(const Moments& moments,
+                                            double noise_power) const noexcept;
 
   PatchConfig config_;
   Pyramid pyramid_;
@@ -49,9 +61,11 @@ class PatchExtractor {
   Refiner refiner_;
   PixelFrame pixel_frame_{CameraModel{1, 1, 1.0, 1.0, 0.0, 0.0}};
   double correlated_px_ = 1.0;
-  std::span<std::int16_t> plane_of_region_;
-  std::span<std::int16_t> largest_;  ///< regions, the largest first
-  std::span<Fit> fits_;              ///< of the planes
+  std::size_t candidate_count_ = 0;
+  std::span<std::int16_t> candidate_of_region_;
+  std::span<std::int16_t> largest_;             ///< regions, the largest first
+  std::span<std::int16_t> plane_of_candidate_;  ///< index into the result, or kNoPlane
+  std::span<double> gray_sum_;                  ///< of a plane's patches, times area
   Arena::Owned<PatchSet> out_;
 };
 

@@ -9,23 +9,28 @@ namespace {
 
 constexpr std::size_t kWordsPerRow = Merger::kMaxRegions / 64;
 constexpr int kJoinPasses = 4;
+constexpr std::size_t kMaxPairs = 4096;
+/// A neighbour whose middle is farther from the plane than twenty sigmas is not asked further.
+constexpr double kStepVariances = 400.0;
 
 }  // namespace
 
 Merger::Merger(const PatchConfig& config, Arena& arena)
     : config_{config},
       regions_{arena.make_array<Region>(kMaxRegions, "patches/regions")},
-      queue_{arena.make_array<std::uint16_t>(kMaxPatches, "patches/growing")},
-      tested_pairs_{
-          arena.make_array<std::uint64_t>(kMaxRegions * kWordsPerRow, "patches/tested pairs")} {}
+      queue_{arena.make_array<std::uint16_t>(Quadtree::kMaxLeaves, "patches/growing")},
+      known_pairs_{
+          arena.make_array<std::uint64_t>(kMaxRegions * kWordsPerRow, "patches/known pairs")},
+      pairs_{arena.make_array<Pair>(kMaxPairs, "patches/pairs")} {}
 
 Stop Merger::run(const Pyramid& pyramid, Quadtree& tree, double correlated_px,
-                 Deadline deadline) noexcept {
+                 std::uint32_t least_pixels, Deadline deadline) noexcept {
   pyramid_ = &pyramid;
   tree_ = &tree;
   correlated_px_ = correlated_px;
   variance_ = pyramid.sigma_steps() * pyramid.sigma_steps();
   region_count_ = 0;
+  least_pixels_ = least_pixels;
   bool complete = true;
   for (int level = pyramid.levels() - 1; level >= 0 && complete; --level) {
     for (std::size_t k = 0; k < tree.leaves().size() && complete; ++k) {
@@ -40,9 +45,8 @@ Stop Merger::run(const Pyramid& pyramid, Quadtree& tree, double correlated_px,
 }
 
 bool Merger::same_plane(const Moments& a, double rss_a, const Moments& b, double rss_b,
-                        double& rss_union) const noexcept {
-  const Fit f = fit(a + b);
-  rss_union = f.rss;
+                        Fit& f) const noexcept {
+  f = fit(a + b);
   const double more = (f.rss - rss_a - rss_b) / variance_;  // eq. 11
   const double pixels = a.n * b.n / (a.n + b.n);
   const double bias = config_.merge_bias_sigmas * config_.merge_bias_sigmas * pixels;
@@ -54,7 +58,8 @@ bool Merger::grow(std::size_t seed, Deadline deadline) noexcept {
   Region& region = regions_[region_count_];
   Leaf& first = tree_->leaves()[seed];
   const PyramidNode& node = pyramid_->at(first.level, first.i, first.j);
-  region = {node.moments, fit(node.moments).rss, node.cells_rss, node.pixels, node.cells};
+  region = {node.moments, first.rss, node.cells_rss, node.pixels, node.cells};
+  fit_ = fit(region.moments);
   first.region = id;
   first.seeded = true;
   queue_[0] = static_cast<std::uint16_t>(seed);
@@ -69,14 +74,21 @@ bool Merger::grow(std::size_t seed, Deadline deadline) noexcept {
     const int edge = 1 << leaf.level;
     const int i = leaf.i * edge;
     const int j = leaf.j * edge;
+    int last[4] = {-1, -1, -1, -1};  // a large neighbour is asked once a side
+    const auto ask = [&](int side, int x, int y) {
+      const int index = tree_->leaf_at(x, y);
+      if (index < 0 || index == last[side]) return;
+      last[side] = index;
+      try_neighbour(static_cast<std::size_t>(index), id, region);
+    };
     for (int s = 0; s < edge; ++s) {
-      try_neighbour(i + s, j - 1, id, region);
-      try_neighbour(i + s, j + edge, id, region);
-      try_neighbour(i - 1, j + s, id, region);
-      try_neighbour(i + edge, j + s, id, region);
+      ask(0, i + s, j - 1);
+      ask(1, i + s, j + edge);
+      ask(2, i - 1, j + s);
+      ask(3, i + edge, j + s);
     }
   }
-  if (region.cells >= static_cast<std::uint32_t>(config_.min_plane_cells) && has_square(id)) {
+  if (region.pixels >= least_pixels_ && has_square(id)) {
     ++region_count_;
   } else {
     for (std::size_t k = 0; k < queue_end_; ++k) {
@@ -101,16 +113,20 @@ bool Merger::has_square(std::int16_t id) const noexcept {
   return false;
 }
 
-void Merger::try_neighbour(int i, int j, std::int16_t id, Region& region) noexcept {
-  const int index = tree_->leaf_at(i, j);
-  if (index < 0) return;
-  Leaf& leaf = tree_->leaves()[static_cast<std::size_t>(index)];
+void Merger::try_neighbour(std::size_t index, std::int16_t id, Region& region) noexcept {
+  Leaf& leaf = tree_->leaves()[index];
   if (leaf.region != Leaf::kNoRegion) return;
   const PyramidNode& node = pyramid_->at(leaf.level, leaf.i, leaf.j);
-  double rss = 0.0;
-  if (!same_plane(region.moments, region.rss, node.moments, fit(node.moments).rss, rss)) return;
+  // A depth step needs no statistics.
+  const double inv_n = 1.0 / node.moments.n;
+  const double off =
+      fit_.at(node.moments.u * inv_n, node.moments.v * inv_n) - node.moments.w * inv_n;
+  if (off * off > kStepVariances * variance_) return;
+  Fit both;
+  if (!same_plane(region.moments, region.rss, node.moments, leaf.rss, both)) return;
+  fit_ = both;
   region.moments += node.moments;
-  region.rss = rss;
+  region.rss = both.rss;
   region.cells_rss += node.cells_rss;
   region.pixels += node.pixels;
   region.cells += node.cells;
@@ -119,45 +135,58 @@ void Merger::try_neighbour(int i, int j, std::int16_t id, Region& region) noexce
 }
 
 void Merger::join_neighbours(Deadline deadline) noexcept {
-  std::fill_n(tested_pairs_.begin(), kMaxRegions * kWordsPerRow, std::uint64_t{0});
-  const auto region_at = [this](int i, int j) {
-    const int leaf = tree_->leaf_at(i, j);
-    return leaf < 0 ? -1 : resolve(tree_->leaves()[static_cast<std::size_t>(leaf)].region);
-  };
+  std::fill_n(known_pairs_.begin(), region_count_ * kWordsPerRow, std::uint64_t{0});
+  pair_count_ = 0;
+  for (const Leaf& leaf : tree_->leaves()) {
+    if (leaf.region < 0) continue;
+    const int edge = 1 << leaf.level;
+    for (int s = 0; s < edge; ++s) {
+      note_pair(leaf.region, tree_->leaf_at((leaf.i + 1) * edge, leaf.j * edge + s));
+      note_pair(leaf.region, tree_->leaf_at(leaf.i * edge + s, (leaf.j + 1) * edge));
+    }
+  }
+  // A joined plane is a new one: pairs that it is part of are asked again.
   bool joined = true;
   for (int pass = 0; pass < kJoinPasses && joined; ++pass) {
     joined = false;
-    for (int j = 0; j < pyramid_->cells_high(); ++j) {
-      if (deadline.expired()) return;
-      for (int i = 0; i < pyramid_->cells_wide(); ++i) {
-        const int a = region_at(i, j);
-        if (a < 0) continue;
-        joined |= try_join(a, region_at(i + 1, j));
-        joined |= try_join(resolve(a), region_at(i, j + 1));
+    for (std::size_t k = 0; k < pair_count_; ++k) {
+      if (k % 16 == 0 && deadline.expired()) return;
+      const int a = resolve(pairs_[k].a);
+      const int b = resolve(pairs_[k].b);
+      if (pass > 0 && regions_[a].joined_in != pass - 1 && regions_[b].joined_in != pass - 1) {
+        continue;
       }
+      if (a == b || !try_join(a, b)) continue;
+      regions_[resolve(a)].joined_in = pass;
+      joined = true;
     }
   }
 }
 
-bool Merger::try_join(int a, int b) noexcept {
-  if (b < 0 || a == b) return false;
-  if (regions_[a].pixels < regions_[b].pixels) std::swap(a, b);
-  std::uint64_t& word = tested_pairs_[a * kWordsPerRow + b / 64];
+void Merger::note_pair(int a, int leaf) noexcept {
+  if (leaf < 0) return;
+  int b = tree_->leaves()[static_cast<std::size_t>(leaf)].region;
+  if (b < 0 || a == b || pair_count_ == kMaxPairs) return;
+  if (a > b) std::swap(a, b);
+  std::uint64_t& word = known_pairs_[a * kWordsPerRow + b / 64];
   const std::uint64_t bit = std::uint64_t{1} << (b % 64);
-  if ((word & bit) != 0) return false;
+  if ((word & bit) != 0) return;
   word |= bit;
+  pairs_[pair_count_++] = {static_cast<std::int16_t>(a), static_cast<std::int16_t>(b)};
+}
+
+bool Merger::try_join(int a, int b) noexcept {
+  if (regions_[a].pixels < regions_[b].pixels) std::swap(a, b);
   Region& into = regions_[a];
   Region& from = regions_[b];
-  double rss = 0.0;
-  if (!same_plane(into.moments, into.rss, from.moments, from.rss, rss)) return false;
+  Fit both;
+  if (!same_plane(into.moments, into.rss, from.moments, from.rss, both)) return false;
   into.moments += from.moments;
-  into.rss = rss;
+  into.rss = both.rss;
   into.cells_rss += from.cells_rss;
   into.pixels += from.pixels;
   into.cells += from.cells;
   from.merged_into = static_cast<std::int16_t>(a);
-  // The larger plane is a new one: its other neighbours get another chance.
-  std::fill_n(tested_pairs_.begin() + a * kWordsPerRow, kWordsPerRow, std::uint64_t{0});
   return true;
 }
 

@@ -21,6 +21,7 @@ struct Region {
   std::uint32_t pixels = 0;
   std::uint32_t cells = 0;
   std::int16_t merged_into = -1;  ///< another region, or -1
+  int joined_in = -1;             ///< the last pass that made it larger
 };
 
 /// Merges leaves into planes: grows from the largest leaf outwards, then joins grown neighbours.
@@ -37,7 +38,8 @@ class Merger {
   Merger(const PatchConfig& config, Arena& arena);
 
   /// Sets the region of each leaf.
-  Stop run(const Pyramid& pyramid, Quadtree& tree, double correlated_px,
+  /// @param least_pixels  a plane with fewer is none
+  Stop run(const Pyramid& pyramid, Quadtree& tree, double correlated_px, std::uint32_t least_pixels,
            Deadline deadline) noexcept;
 
   [[nodiscard]] std::span<const Region> regions() const noexcept {
@@ -48,22 +50,30 @@ class Merger {
 
  private:
   [[nodiscard]] bool same_plane(const Moments& a, double rss_a, const Moments& b, double rss_b,
-                                double& rss_union) const noexcept;
+                                Fit& both) const noexcept;
   [[nodiscard]] bool grow(std::size_t seed, Deadline deadline) noexcept;
   /// Cells along a crease agree with each other on a plane between the two real ones, one cell
   /// wide: a plane has 2 x 2 cells somewhere.
   [[nodiscard]] bool has_square(std::int16_t id) const noexcept;
-  void try_neighbour(int i, int j, std::int16_t id, Region& region) noexcept;
+  void try_neighbour(std::size_t leaf, std::int16_t id, Region& region) noexcept;
   void join_neighbours(Deadline deadline) noexcept;
+  void note_pair(int a, int leaf) noexcept;
   bool try_join(int a, int b) noexcept;
 
   PatchConfig config_;
   std::span<Region> regions_;
-  std::span<std::uint16_t> queue_;         ///< leaves of the growing region
-  std::span<std::uint64_t> tested_pairs_;  ///< bit matrix of regions
-  const Pyramid* pyramid_ = nullptr;       ///< during run()
-  Quadtree* tree_ = nullptr;               ///< during run()
+  std::span<std::uint16_t> queue_;  ///< leaves of the growing region
+  struct Pair {
+    std::int16_t a, b;
+  };
+  std::span<std::uint64_t> known_pairs_;  ///< bit matrix of regions
+  std::span<Pair> pairs_;                 ///< regions that touch
+  std::size_t pair_count_ = 0;
+  Fit fit_;                           ///< of the growing region
+  const Pyramid* pyramid_ = nullptr;  ///< during run()
+  Quadtree* tree_ = nullptr;          ///< during run()
   double variance_ = 1.0, correlated_px_ = 1.0;
+  std::uint32_t least_pixels_ = 0;
   std::size_t region_count_ = 0, queue_end_ = 0;
 };
 

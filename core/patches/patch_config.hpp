@@ -15,9 +15,9 @@ struct PatchConfig {
   double max_rms_sigmas = 1.8;
   double split_bias_sigmas = 0.5;
   double merge_chi2 = 12.0;
-  double merge_bias_sigmas = 0.6;
+  double merge_bias_sigmas = 1.0;
   double min_incidence_cos = 0.12;
-  int min_plane_cells = 3;
+  int min_plane_cells = 4;
   bool second_look = true;
 
   static constexpr double kPatchLimit = kMaxPatches;
@@ -41,7 +41,7 @@ struct PatchConfig {
       {"min_incidence_cos", &PatchConfig::min_incidence_cos, 0.0, 1.0,
        "cosine of the angle between ray and normal below which a patch is not believed"},
       {"min_plane_cells", &PatchConfig::min_plane_cells, 1, 1000,
-       "finest cells that a plane has at least"},
+       "size of the smallest plane, in cells"},
       {"second_look", &PatchConfig::second_look, 0, 1,
        "assign the pixels where planes end one by one, as far as the budget allows"},
   };

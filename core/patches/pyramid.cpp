@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cstring>
 
 namespace maplet {
 
@@ -29,38 +30,57 @@ int bit_reversed(unsigned value, int bits) noexcept {
 Pyramid::Pyramid(const PatchConfig& config, Arena& arena)
     : config_{config},
       sum_blocks_{block_variants().back().sum},
-      nodes_{arena.make_array<PyramidNode>(kMaxFrameCells * 4 / 3 + 1, "patches/pyramid")} {}
+      nodes_{arena.make_array<PyramidNode>(kMaxFrameCells * 4 / 3 + 1, "patches/pyramid")},
+      quarters_{arena.make_array<PyramidNode>(kMaxSplitCells * 4, "patches/quarters")},
+      split_{arena.make_array<std::int16_t>(kMaxFrameCells, "patches/split cells")} {}
+
+bool Pyramid::try_cells(int cell_px) noexcept {
+  cell_px_ = cell_px;
+  const auto ratio = static_cast<unsigned>(std::max(1, config_.max_node_px / cell_px_));
+  levels_ = std::clamp(static_cast<int>(std::bit_width(ratio)) + 1, 2, kMaxLevels);
+  const int multiple = 1 << (levels_ - 1 - kCellLevel);
+  cells_wide_ = (width_px_ + cell_px_ - 1) / cell_px_;
+  cells_high_ = (height_px_ + cell_px_ - 1) / cell_px_;
+  padded_width_ = round_up(cells_wide_, multiple);
+  padded_height_ = round_up(cells_high_, multiple);
+  return padded_width_ * padded_height_ <= static_cast<int>(kMaxFrameCells);
+}
+
+Pyramid::Grain Pyramid::finest(int width_px, int height_px) const noexcept {
+  Grain grain{static_cast<int>(std::bit_ceil(static_cast<unsigned>(std::max(config_.cell_px, 8)))),
+              1};
+  const auto cells = [&] {
+    const int margin = std::max(1, config_.max_node_px / grain.cell_px);  // of the padding
+    return (width_px / grain.cell_px + margin) * (height_px / grain.cell_px + margin);
+  };
+  while (cells() > static_cast<int>(kMaxFrameCells)) grain.cell_px *= 2;
+  return grain;
+}
 
 bool Pyramid::lay_out(const DepthFrame& frame) noexcept {
   width_px_ = frame.depth.width_px;
   height_px_ = frame.depth.height_px;
   valid_pixels_ = 0;
+  split_count_ = 0;
   cells_wide_ = cells_high_ = padded_width_ = padded_height_ = 0;
   if (frame.depth.empty() || width_px_ <= 0 || height_px_ <= 0 ||
       width_px_ > static_cast<int>(kMaxWidthPx) || height_px_ > static_cast<int>(kMaxHeightPx)) {
     return false;
   }
-  cell_px_ = static_cast<int>(std::bit_ceil(static_cast<unsigned>(std::max(config_.cell_px, 8))));
-  for (;; cell_px_ *= 2) {
-    const auto ratio = static_cast<unsigned>(std::max(1, config_.max_node_px / cell_px_));
-    levels_ = std::clamp(static_cast<int>(std::bit_width(ratio)), 1, kMaxLevels);
-    const int multiple = 1 << (levels_ - 1);
-    cells_wide_ = (width_px_ + cell_px_ - 1) / cell_px_;
-    cells_high_ = (height_px_ + cell_px_ - 1) / cell_px_;
-    padded_width_ = round_up(cells_wide_, multiple);
-    padded_height_ = round_up(cells_high_, multiple);
-    if (padded_width_ * padded_height_ <= static_cast<int>(kMaxFrameCells)) break;
-  }
+  while (!try_cells(cell_px_)) cell_px_ *= 2;
   int offset = 0;
-  for (int level = 0; level < levels_; ++level) {
+  for (int level = kCellLevel; level < levels_; ++level) {
     offset_[level] = offset;
     offset += width(level) * height(level);
   }
-  std::fill_n(nodes_.begin(), width(0) * height(0), PyramidNode{});
+  std::fill_n(nodes_.begin(), padded_width_ * padded_height_, PyramidNode{});
   return true;
 }
 
-bool Pyramid::fill(const DepthFrame& frame, Deadline deadline) noexcept {
+bool Pyramid::fill(const DepthFrame& frame, Grain grain, Deadline deadline) noexcept {
+  frame_ = &frame;
+  cell_px_ = grain.cell_px;
+  row_step_ = grain.row_step;
   if (!lay_out(frame)) return true;
   scale_ = DepthScale::of(frame.metres_per_unit);
   noise_ = frame.noise;
@@ -88,34 +108,76 @@ void Pyramid::fill_row(const DepthFrame& frame, int j) noexcept {
   const int blocks = full_blocks + (ragged != 0 ? 1 : 0);
   const int per_cell = cell_px_ / kBlockPx;
   const int end_v = std::min(height_px_, (j + 1) * cell_px_);
-  for (int v = j * cell_px_; v < end_v; v += kBlockPx) {
-    const int rows = std::min(kBlockPx, end_v - v);
+  for (int v = j * cell_px_; v < end_v; v += kBlockPx * row_step_) {
+    const int rows = std::min(kBlockPx, (end_v - v + row_step_ - 1) / row_step_);
     const std::uint16_t* pixels = frame.depth.row(v);
-    sum_blocks_(pixels, frame.depth.stride_px, rows, full_blocks, scale_, sums);
+    const std::ptrdiff_t stride = frame.depth.stride_px * row_step_;
+    sum_blocks_(pixels, stride, rows, full_blocks, scale_, sums);
     if (ragged != 0) {
-      sum_block_plain(pixels + full_blocks * kBlockPx, frame.depth.stride_px, ragged, rows, scale_,
+      sum_block_plain(pixels + full_blocks * kBlockPx, stride, ragged, rows, scale_,
                       sums[full_blocks]);
     }
     for (int b = 0; b < blocks; ++b) {
       if (sums[b].n == 0) continue;
-      PyramidNode& cell = node(0, b / per_cell, j);
-      cell.moments += sums[b].moments(b * kBlockPx - width_px_ / 2, v - height_px_ / 2, 1);
-      cell.pixels += static_cast<std::uint32_t>(sums[b].n);
+      PyramidNode& cell = node(kCellLevel, b / per_cell, j);
+      cell.moments += sums[b].moments(b * kBlockPx - width_px_ / 2, v - height_px_ / 2, row_step_);
+      cell.pixels += static_cast<std::uint32_t>(sums[b].n * row_step_);
     }
   }
   for (int i = 0; i < cells_wide_; ++i) {
-    PyramidNode& cell = node(0, i, j);
-    if (cell.pixels < 3) continue;
-    if (noise_.kind == NoiseModel::Kind::kTimeOfFlight) weigh(cell.moments);
-    const Fit f = fit(cell.moments);
-    cell.cells_rss = f.rss;
-    cell.cells = f.ok ? 1 : 0;
+    PyramidNode& cell = node(kCellLevel, i, j);
+    fit_cell(cell);
     valid_pixels_ += cell.pixels;
   }
 }
 
+void Pyramid::fit_cell(PyramidNode& cell) const noexcept {
+  if (cell.pixels < 3) return;
+  weigh(cell.moments);
+  const Fit f = fit(cell.moments);
+  cell.cells_rss = f.rss;
+  cell.cells = f.ok ? 1 : 0;
+}
+
+bool Pyramid::split_cell(int i, int j) noexcept {
+  if (split_count_ == kMaxSplitCells) return false;
+  split_[j * padded_width_ + i] = static_cast<std::int16_t>(split_count_);
+  const int half = cell_px_ / 2;
+  for (int k = 0; k < 4; ++k) {
+    PyramidNode& quarter = quarters_[split_count_ * 4 + k] = {};
+    const int u0 = i * cell_px_ + k % 2 * half;
+    const int v0 = j * cell_px_ + k / 2 * half;
+    const int end_v = std::min(height_px_, v0 + half);
+    const int end_u = std::min(width_px_, u0 + half);
+    for (int v = v0; v < end_v; v += kBlockPx * row_step_) {
+      const int rows = std::min(kBlockPx, (end_v - v + row_step_ - 1) / row_step_);
+      for (int u = u0; u < end_u; u += kBlockPx) {
+        const std::uint16_t* pixels = frame_->depth.row(v) + u;
+        const std::ptrdiff_t stride = frame_->depth.stride_px * row_step_;
+        const int columns = std::min(kBlockPx, end_u - u);
+        BlockSums sums;
+        std::uint16_t copy[kBlockPx * kBlockPx] = {};  // nothing right of a narrow block
+        if (columns < kBlockPx) {
+          for (int y = 0; y < rows; ++y) {
+            std::memcpy(copy + y * kBlockPx, pixels + y * stride, columns * sizeof *pixels);
+          }
+        }
+        const bool narrow = columns < kBlockPx;
+        sum_blocks_(narrow ? copy : pixels, narrow ? kBlockPx : stride, rows, 1, scale_, &sums);
+        if (sums.n == 0) continue;
+        quarter.moments += sums.moments(u - width_px_ / 2, v - height_px_ / 2, row_step_);
+        quarter.pixels += static_cast<std::uint32_t>(sums.n * row_step_);
+      }
+    }
+    fit_cell(quarter);
+  }
+  ++split_count_;
+  return true;
+}
+
 /// One weight a cell: the noise changes little over its few pixels.
 void Pyramid::weigh(Moments& moments) const noexcept {
+  if (noise_.kind != NoiseModel::Kind::kTimeOfFlight) return;
   const double mean = std::max(moments.w / moments.n, 1.0) / kInverseDepthSteps;
   const double sigma =
       std::max(noise_.sigma_inverse_depth(mean) * kInverseDepthSteps, kLeastSigmaSteps);
@@ -123,7 +185,7 @@ void Pyramid::weigh(Moments& moments) const noexcept {
 }
 
 void Pyramid::build_levels() noexcept {
-  for (int level = 1; level < levels_; ++level) {
+  for (int level = kCellLevel + 1; level < levels_; ++level) {
     for (int j = 0; j < height(level); ++j) {
       for (int i = 0; i < width(level); ++i) {
         PyramidNode sum;
@@ -141,7 +203,7 @@ void Pyramid::build_levels() noexcept {
 }
 
 int Pyramid::area_px(int level, int i, int j) const noexcept {
-  const int edge = cell_px_ << level;
+  const int edge = edge_px(level);
   return std::max(0, std::min(edge, width_px_ - i * edge)) *
          std::max(0, std::min(edge, height_px_ - j * edge));
 }

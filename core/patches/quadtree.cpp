@@ -11,6 +11,12 @@ namespace {
 /// A pixel's explainable residual counts up to this many variances: a depth step of a metre is not
 /// more worth splitting than one of ten sigmas.
 constexpr double kGainCapVariances = 100.0;
+/// Cells come after everything coarser: their quarters add detail, not coverage.
+constexpr float kQuarterGain = 1e-3F;
+/// A cell with fewer pixels holds no quarter worth having.
+constexpr std::uint32_t kLeastSplitPx = 12;
+/// Weight of the noise model against what the frame shows.
+constexpr double kPriorDof = 60.0;
 /// Parameters of a plane.
 constexpr double kPlaneDof = 3.0;
 
@@ -18,20 +24,21 @@ constexpr double kPlaneDof = 3.0;
 
 Quadtree::Quadtree(const PatchConfig& config, Arena& arena)
     : config_{config},
-      leaves_{arena.make_array<Leaf>(kMaxPatches, "patches/leaves")},
-      leaf_of_cell_{arena.make_array<std::int16_t>(kMaxFrameCells, "patches/leaf of cell")},
-      heap_{arena.make_array<Candidate>(kMaxFrameCells * 4 / 3 + 1, "patches/open nodes")} {}
+      leaves_{arena.make_array<Leaf>(kMaxLeaves, "patches/leaves")},
+      leaf_of_cell_{arena.make_array<std::int16_t>(kMaxFrameCells * 4, "patches/leaf of quarter")},
+      heap_{arena.make_array<OpenNode>(kMaxFrameCells * 4 / 3 + 1, "patches/open nodes")} {}
 
-bool Quadtree::Candidate::operator<(const Candidate& o) const noexcept {
+bool Quadtree::OpenNode::operator<(const OpenNode& o) const noexcept {
   return std::tie(gain, level, o.j, o.i) < std::tie(o.gain, o.level, j, i);
 }
 
-Stop Quadtree::run(const Pyramid& pyramid, const CameraModel& camera, double correlated_px,
+Stop Quadtree::run(Pyramid& pyramid, const CameraModel& camera, double correlated_px,
                    Deadline deadline) noexcept {
   pyramid_ = &pyramid;
   pixel_frame_ = PixelFrame{camera};
   correlated_px_ = correlated_px;
-  leaf_count_ = heap_size_ = 0;
+  leaf_count_ = patch_count_ = heap_size_ = 0;
+  explained_ = explained_dof_ = 0.0;
   width_ = pyramid.width(0);
   height_ = pyramid.height(0);
   std::fill_n(leaf_of_cell_.begin(), width_ * height_, std::int16_t{-1});
@@ -40,16 +47,17 @@ Stop Quadtree::run(const Pyramid& pyramid, const CameraModel& camera, double cor
   const int top = pyramid.levels() - 1;
   for (int j = 0; j < pyramid.height(top); ++j) {
     for (int i = 0; i < pyramid.width(top); ++i) {
-      if (leaf_count_ >= limit) return Stop::kIterationLimit;
+      if (patch_count_ >= limit) return Stop::kIterationLimit;
       consider(top, i, j);
     }
   }
   while (heap_size_ > 0) {
     if (deadline.expired()) return Stop::kDeadline;
     std::pop_heap(heap_.begin(), heap_.begin() + static_cast<std::ptrdiff_t>(heap_size_));
-    const Candidate node = heap_[--heap_size_];
+    const OpenNode node = heap_[--heap_size_];
+    if (node.level == Pyramid::kCellLevel && !pyramid.split_cell(node.i, node.j)) continue;
     for (int k = 0; k < 4; ++k) {
-      if (leaf_count_ >= limit) return Stop::kIterationLimit;
+      if (patch_count_ >= limit || leaf_count_ == kMaxLeaves) return Stop::kIterationLimit;
       consider(node.level - 1, 2 * node.i + k % 2, 2 * node.j + k / 2);
     }
   }
@@ -58,9 +66,10 @@ Stop Quadtree::run(const Pyramid& pyramid, const CameraModel& camera, double cor
 
 void Quadtree::consider(int level, int i, int j) noexcept {
   float gain = 0.0F;
-  switch (judge(level, i, j, gain)) {
+  double rss = 0.0;
+  switch (judge(level, i, j, gain, rss)) {
     case Verdict::kFlat:
-      add_leaf(level, i, j);
+      add_leaf(level, i, j, rss);
       break;
     case Verdict::kSplit:
       heap_[heap_size_++] = {gain, static_cast<std::uint16_t>(i), static_cast<std::uint16_t>(j),
@@ -72,15 +81,20 @@ void Quadtree::consider(int level, int i, int j) noexcept {
   }
 }
 
-Quadtree::Verdict Quadtree::judge(int level, int i, int j, float& gain) const noexcept {
+Quadtree::Verdict Quadtree::judge(int level, int i, int j, float& gain,
+                                  double& rss) const noexcept {
   const PyramidNode& node = pyramid_->at(level, i, j);
   if (node.cells == 0) return Verdict::kDrop;
-  const Verdict otherwise = level > 0 ? Verdict::kSplit : Verdict::kDrop;
+  const bool can_split =
+      level > Pyramid::kCellLevel || (level == Pyramid::kCellLevel && node.pixels >= kLeastSplitPx);
+  const Verdict otherwise = can_split ? Verdict::kSplit : Verdict::kDrop;
   const double variance = pyramid_->sigma_steps() * pyramid_->sigma_steps();
   const Fit f = fit(node.moments);
+  rss = f.rss;
   // Eq. 8: what the cells' own planes explain of this node's residual, in variances.
   const double explained = std::max(0.0, f.rss - node.cells_rss) / variance;
   gain = static_cast<float>(std::min(explained, kGainCapVariances * node.moments.n));
+  if (level == Pyramid::kCellLevel) gain = static_cast<float>(node.pixels) * kQuarterGain;
   if (!f.ok || node.pixels < config_.min_valid_fraction * pyramid_->area_px(level, i, j)) {
     return otherwise;
   }
@@ -89,8 +103,13 @@ Quadtree::Verdict Quadtree::judge(int level, int i, int j, float& gain) const no
   // Eq. 9: noise gives every cell's own plane three parameters' worth of residual.
   const double noise = correlated_px_ * kPlaneDof * (node.cells - 1);
   const double bias = config_.split_bias_sigmas * config_.split_bias_sigmas * node.moments.n;
-  if (level > 0 && explained > 1.5 * noise + bias) return Verdict::kSplit;
+  if (level > Pyramid::kCellLevel && explained > 1.5 * noise + bias) return Verdict::kSplit;
   return seen_steeply(f) ? otherwise : Verdict::kFlat;
+}
+
+double Quadtree::noise_power() const noexcept {
+  const double sigma = pyramid_->sigma_steps();
+  return (kPriorDof * sigma * sigma * correlated_px_ + explained_) / (kPriorDof + explained_dof_);
 }
 
 bool Quadtree::seen_steeply(const Fit& f) const noexcept {
@@ -102,10 +121,20 @@ bool Quadtree::seen_steeply(const Fit& f) const noexcept {
   return !(w > 0.0) || w * w < limit * theta.squaredNorm() * (ray.squaredNorm() + 1.0);
 }
 
-void Quadtree::add_leaf(int level, int i, int j) noexcept {
+void Quadtree::add_leaf(int level, int i, int j, double rss) noexcept {
   const auto index = static_cast<std::int16_t>(leaf_count_);
-  leaves_[leaf_count_++] = {static_cast<std::uint16_t>(i), static_cast<std::uint16_t>(j),
-                            static_cast<std::uint8_t>(level)};
+  patch_count_ += level >= Pyramid::kCellLevel ? 1 : 0;
+  leaves_[leaf_count_++] = {static_cast<std::uint16_t>(i),
+                            static_cast<std::uint16_t>(j),
+                            static_cast<std::uint8_t>(level),
+                            false,
+                            Leaf::kNoRegion,
+                            rss};
+  const PyramidNode& node = pyramid_->at(level, i, j);
+  if (node.cells > 1) {
+    explained_ += std::max(0.0, rss - node.cells_rss);
+    explained_dof_ += kPlaneDof * (node.cells - 1);
+  }
   const int edge = 1 << level;
   for (int y = j * edge; y < (j + 1) * edge; ++y) {
     std::fill_n(leaf_of_cell_.begin() + y * width_ + i * edge, edge, index);

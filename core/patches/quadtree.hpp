@@ -21,51 +21,59 @@ struct Leaf {
   std::uint8_t level = 0;
   bool seeded = false;              ///< already tried as the beginning of a plane
   std::int16_t region = kNoRegion;  ///< of the merger
+  double rss = 0.0;                 ///< of its fit, steps^2
 };
 
 /// Best-first refinement: of all nodes that are not flat, the one whose split explains most of the
 /// residual is split first.
 ///
-/// Memory   fixed, from the arena: kMaxPatches leaves and a heap of all nodes.
+/// Memory   fixed, from the arena: kMaxLeaves leaves and a heap of all nodes.
 /// Time     O(1) a node; overruns its deadline by one node at most.
 /// Threads  one at a time.
 /// Math     docs/math/patches.md, eq. 7-9
 class Quadtree {
  public:
+  static constexpr std::size_t kMaxLeaves = 8192;
+
   Quadtree(const PatchConfig& config, Arena& arena);
 
   /// @param correlated_px  pixels that tell as much as one independent one
-  Stop run(const Pyramid& pyramid, const CameraModel& camera, double correlated_px,
+  Stop run(Pyramid& pyramid, const CameraModel& camera, double correlated_px,
            Deadline deadline) noexcept;
 
   [[nodiscard]] std::span<Leaf> leaves() noexcept { return leaves_.first(leaf_count_); }
-  /// Index of the leaf that covers a finest cell, or -1. Outside the image: -1.
+  /// Power of the noise that a flat node's plane feels, steps^2: variance of a pixel times the
+  /// pixels that tell as much as one. Measured over the frame's leaves, the model is the prior.
+  [[nodiscard]] double noise_power() const noexcept;
+  /// Index of the leaf that covers a quarter of a cell, or -1. Outside the image: -1.
   [[nodiscard]] int leaf_at(int i, int j) const noexcept {
     return i < 0 || j < 0 || i >= width_ || j >= height_ ? -1 : leaf_of_cell_[j * width_ + i];
   }
 
  private:
-  struct Candidate {
+  struct OpenNode {
     float gain;  ///< residual that the node's cells explain and the node does not, pixels
     std::uint16_t i, j;
     std::uint8_t level;
-    [[nodiscard]] bool operator<(const Candidate& o) const noexcept;
+    [[nodiscard]] bool operator<(const OpenNode& o) const noexcept;
   };
   enum class Verdict : std::uint8_t { kFlat, kSplit, kDrop };
 
   void consider(int level, int i, int j) noexcept;
-  [[nodiscard]] Verdict judge(int level, int i, int j, float& gain) const noexcept;
+  [[nodiscard]] Verdict judge(int level, int i, int j, float& gain, double& rss) const noexcept;
   [[nodiscard]] bool seen_steeply(const Fit& f) const noexcept;
-  void add_leaf(int level, int i, int j) noexcept;
+  void add_leaf(int level, int i, int j, double rss) noexcept;
 
   PatchConfig config_;
   std::span<Leaf> leaves_;
   std::span<std::int16_t> leaf_of_cell_;
-  std::span<Candidate> heap_;
-  const Pyramid* pyramid_ = nullptr;  ///< during run()
+  std::span<OpenNode> heap_;
+  Pyramid* pyramid_ = nullptr;  ///< during run()
   PixelFrame pixel_frame_{CameraModel{1, 1, 1.0, 1.0, 0.0, 0.0}};
   double correlated_px_ = 1.0;
-  std::size_t leaf_count_ = 0, heap_size_ = 0;
+  double explained_ = 0.0;  ///< by the cells of all leaves, steps^2
+  double explained_dof_ = 0.0;
+  std::size_t leaf_count_ = 0, patch_count_ = 0, heap_size_ = 0;
   int width_ = 0, height_ = 0;
 };
 

@@ -2,8 +2,7 @@
 #include "core/patches/refiner.hpp"
 
 #include <algorithm>
-
-#include "core/patches/assign.hpp"
+#include <cstring>
 
 namespace maplet {
 
@@ -11,97 +10,253 @@ namespace {
 
 /// Cells without a plane are asked ring by ring: this many cells from the nearest plane.
 constexpr int kRings = 3;
-/// A plane goes on into the next ring when it has this share of the cell's pixels.
+/// A plane goes on into the next ring when it has one in so many of the cell's pixels.
 constexpr int kReachShare = 8;
+/// Planes larger than this have enough pixels in cells that are all theirs.
+constexpr std::uint32_t kSmallPlanePx = 6000;
+/// A plane is fitted again when it keeps this share of its pixels without the doubtful ones.
+constexpr double kLeastCollected = 0.4;
+/// Beyond so many standard deviations a pixel is not on a plane.
+constexpr double kPixelSigmas = 3.0;
 
 }  // namespace
 
-Refiner::Refiner(const PatchConfig& config, Arena& arena)
-    : config_{config},
+Refiner::Refiner(Arena& arena)
+    : assign_{best_assign_function()},
+      sum_{block_variants().back().sum},
       plane_of_cell_{arena.make_array<std::uint8_t>(kMaxFrameCells, "patches/plane of cell")},
-      from_pixels_{arena.make_array<std::uint8_t>(kMaxFrameCells, "patches/border cells")},
+      looked_{arena.make_array<std::uint8_t>(kMaxFrameCells, "patches/border cells")},
+      nearby_{arena.make_array<std::uint8_t>(kMaxFrameCells * kMaxNearby, "patches/nearby planes")},
       reach_{arena.make_array<std::uint8_t>(kMaxFrameCells, "patches/reach")},
       pixel_planes_{
-          arena.make_array<std::uint8_t>(kMaxWidthPx * kMaxHeightPx, "patches/pixel labels")} {}
+          arena.make_array<std::uint8_t>(kMaxWidthPx * kMaxHeightPx, "patches/pixel labels")},
+      planes_{arena.make_array<Candidate>(kMaxCandidates, "patches/plane candidates")},
+      names_{arena.make_array<std::uint8_t>(kNone + 1, "patches/plane names")} {}
 
-void Refiner::lay_out(const Pyramid& pyramid) noexcept {
+void Refiner::begin(const Pyramid& pyramid, std::size_t planes) noexcept {
   wide_ = pyramid.cells_wide();
   high_ = pyramid.cells_high();
   cell_px_ = pyramid.cell_px();
-  std::fill_n(from_pixels_.begin(), wide_ * high_, std::uint8_t{0});
+  plane_count_ = planes;
+  std::fill_n(looked_.begin(), wide_ * high_, std::uint8_t{0});
+  std::fill_n(plane_of_cell_.begin(), wide_ * high_, kNone);
+  std::fill_n(reach_.begin(), wide_ * high_, kNone);
+  std::fill(names_.begin(), names_.end(), kNone);
 }
 
-void Refiner::skip(const Pyramid& pyramid) noexcept { lay_out(pyramid); }
-
-Stop Refiner::run(const DepthFrame& frame, const Pyramid& pyramid, std::span<const Fit> planes,
+Stop Refiner::run(const DepthFrame& frame, const Pyramid& pyramid, std::uint32_t least_pixels,
                   Deadline deadline) noexcept {
-  lay_out(pyramid);
   frame_ = &frame;
-  planes_ = planes;
+  pyramid_ = &pyramid;
   scale_ = DepthScale::of(frame.metres_per_unit);
-  sigma_steps_ = pyramid.sigma_steps();
+  limit_steps_ = static_cast<float>(kPixelSigmas * pyramid.sigma_steps());
+  least_pixels_ = least_pixels;
   width_px_ = frame.depth.width_px;
   height_px_ = frame.depth.height_px;
-  std::fill_n(reach_.begin(), wide_ * high_, kNone);
-  std::uint8_t names[kMaxCandidates];
+  for (Candidate& plane : planes()) plane.pixels = plane.before;
   for (int ring = 0; ring < kRings; ++ring) {
-    for (int j = 0; j < high_; ++j) {
-      if (deadline.expired()) return Stop::kDeadline;
-      for (int i = 0; i < wide_; ++i) {
-        const int cell = j * wide_ + i;
-        if (from_pixels_[cell] != 0 || pyramid.at(0, i, j).pixels == 0) continue;
-        if (ring > 0 && plane_of_cell_[cell] != kNone) continue;
-        const int count = candidates(i, j, names);
-        // Inside one plane there is nothing to look for.
-        if (count == 0 || (count == 1 && plane_of_cell_[cell] == names[0])) continue;
-        from_pixels_[cell] = static_cast<std::uint8_t>(ring + 1);
-        look(i, j, names, count);
-      }
+    if (look_along_borders(ring, deadline) == Stop::kDeadline) return Stop::kDeadline;
+    if (ring > 0 || !bury()) continue;
+    if (look_along_borders(ring, deadline) == Stop::kDeadline) return Stop::kDeadline;
+  }
+  refit();
+  return Stop::kConverged;
+}
+
+Stop Refiner::look_along_borders(int ring, Deadline deadline) noexcept {
+  std::uint8_t names[kMaxNearby];
+  for (int j = 0; j < high_; ++j) {
+    if (deadline.expired()) return Stop::kDeadline;
+    for (int i = 0; i < wide_; ++i) {
+      const int cell = j * wide_ + i;
+      if (looked_[cell] != 0 || pyramid_->at(Pyramid::kCellLevel, i, j).pixels == 0) continue;
+      if (ring > 0 && plane_of_cell_[cell] != kNone) continue;
+      // Inside one plane there is nothing to look for.
+      if (i > 0 && j > 0 && i + 1 < wide_ && j + 1 < high_ && uniform(cell)) continue;
+      const int count = nearby(i, j, names);
+      if (count == 0 || (count == 1 && plane_of_cell_[cell] == names[0])) continue;
+      looked_[cell] = static_cast<std::uint8_t>(count);
+      std::copy_n(names, count, nearby_.begin() + cell * kMaxNearby);
+      look(i, j, names, count);
     }
   }
   return Stop::kConverged;
 }
 
-int Refiner::candidates(int i, int j, std::uint8_t* out) const noexcept {
+bool Refiner::bury() noexcept {
+  bool any = false;
+  for (Candidate& plane : planes()) {
+    plane.alive = plane.pixels >= least_pixels_ && 2 * plane.pixels >= plane.before;
+    any |= !plane.alive;
+  }
+  if (!any) return false;
+  const auto dead = [&](std::uint8_t plane) { return plane != kNone && !planes_[plane].alive; };
+  for (int j = 0; j < high_; ++j) {
+    for (int i = 0; i < wide_; ++i) {
+      if (!dead(plane_of_cell_[j * wide_ + i]) && !dead(reach_[j * wide_ + i])) continue;
+      const int first = std::max(0, i - 1);
+      const int last = std::min(wide_ - 1, i + 1);
+      for (int y = std::max(0, j - 1); y <= std::min(high_ - 1, j + 1); ++y) {
+        std::fill(looked_.begin() + y * wide_ + first, looked_.begin() + y * wide_ + last + 1,
+                  std::uint8_t{0});
+      }
+    }
+  }
+  for (int cell = 0; cell < wide_ * high_; ++cell) {
+    if (dead(plane_of_cell_[cell])) plane_of_cell_[cell] = kNone;
+    if (dead(reach_[cell])) reach_[cell] = kNone;
+  }
+  return true;
+}
+
+bool Refiner::uniform(int cell) const noexcept {
+  const std::uint8_t plane = plane_of_cell_[cell];
+  if (plane == kNone) return false;
+  const std::uint8_t* p = plane_of_cell_.data() + cell;
+  const auto same = [&](const std::uint8_t* x) {
+    return ((x[-1] ^ plane) | (x[0] ^ plane) | (x[1] ^ plane)) == 0;
+  };
+  return same(p - wide_) && same(p) && same(p + wide_);
+}
+
+int Refiner::nearby(int i, int j, std::uint8_t* out) const noexcept {
   int count = 0;
+  std::uint8_t last = kNone;
+  const int first_x = std::max(0, i - 1);
+  const int last_x = std::min(wide_ - 1, i + 1);
   for (int y = std::max(0, j - 1); y <= std::min(high_ - 1, j + 1); ++y) {
-    for (int x = std::max(0, i - 1); x <= std::min(wide_ - 1, i + 1); ++x) {
+    for (int x = first_x; x <= last_x; ++x) {
       const int cell = y * wide_ + x;
-      std::uint8_t plane = plane_of_cell_[cell];
-      if (plane == kNone) plane = reach_[cell];
-      if (plane == kNone || std::find(out, out + count, plane) != out + count) continue;
-      if (count < kMaxCandidates) out[count++] = plane;
+      // At most one of the two names a plane.
+      const auto plane = static_cast<std::uint8_t>(plane_of_cell_[cell] & reach_[cell]);
+      if (plane == kNone || plane == last) continue;
+      last = plane;
+      if (std::find(out, out + count, plane) != out + count) continue;
+      if (count < kMaxNearby) out[count++] = plane;
     }
   }
   return count;
 }
 
 void Refiner::look(int i, int j, const std::uint8_t* names, int count) noexcept {
-  const int u = i * cell_px_;
-  const int v = j * cell_px_;
-  const int columns = std::min(cell_px_, width_px_ - u);
-  const int rows = std::min(cell_px_, height_px_ - v);
-  LinearDepth linear[kMaxCandidates];
-  for (int c = 0; c < count; ++c) {
-    const Fit& f = planes_[names[c]];
-    linear[c] = {static_cast<float>(f.at(u - width_px_ / 2, v - height_px_ / 2)),
-                 static_cast<float>(f.a), static_cast<float>(f.b)};
-  }
-  std::uint32_t won[kMaxCandidates + 1] = {};
-  assign_pixels(frame_->depth, u, v, columns, rows, scale_, static_cast<float>(3.0 * sigma_steps_),
-                {linear, static_cast<std::size_t>(count)}, names, pixel_planes_.data(), width_px_,
-                won);
   const int cell = j * wide_ + i;
-  if (plane_of_cell_[cell] != kNone) return;
+  const int end_u = std::min(width_px_, (i + 1) * cell_px_);
+  const int end_v = std::min(height_px_, (j + 1) * cell_px_);
+  std::uint32_t won[kMaxNearby] = {};
+  LinearDepth linear[kMaxNearby];
+  for (int c = 0; c < count; ++c) {
+    const Candidate& plane = planes_[names[c]];
+    linear[c] = {0.0F, static_cast<float>(plane.fit.a), static_cast<float>(plane.fit.b),
+                 static_cast<float>(kPixelSigmas * plane.noise_steps), names[c]};
+  }
+  for (int v = j * cell_px_; v < end_v; v += kBlockPx) {
+    for (int u = i * cell_px_; u < end_u; u += kBlockPx) {
+      for (int c = 0; c < count; ++c) {
+        linear[c].corner =
+            static_cast<float>(planes_[names[c]].fit.at(u - width_px_ / 2, v - height_px_ / 2));
+      }
+      const int columns = std::min(kBlockPx, end_u - u);
+      const int rows = std::min(kBlockPx, end_v - v);
+      const std::uint16_t* pixels = frame_->depth.row(v) + u;
+      std::uint8_t* out = pixel_planes_.data() + v * width_px_ + u;
+      if (columns == kBlockPx) {
+        assign_(pixels, frame_->depth.stride_px, rows, scale_, linear, count, out, width_px_, won);
+        continue;
+      }
+      // The right edge: a full block with nothing beyond it.
+      std::uint16_t copy[kBlockPx * kBlockPx] = {};
+      std::uint8_t labels[kBlockPx * kBlockPx];
+      for (int y = 0; y < rows; ++y) {
+        std::memcpy(copy + y * kBlockPx, pixels + y * frame_->depth.stride_px,
+                    columns * sizeof *pixels);
+      }
+      assign_(copy, kBlockPx, rows, scale_, linear, count, labels, kBlockPx, won);
+      for (int y = 0; y < rows; ++y) {
+        std::memcpy(out + y * width_px_, labels + y * kBlockPx, columns);
+      }
+    }
+  }
+  for (int c = 0; c < count; ++c) planes_[names[c]].pixels += won[c];
+  const std::uint8_t own = plane_of_cell_[cell];
+  if (own != kNone) {
+    planes_[own].pixels -= pyramid_->at(Pyramid::kCellLevel, i, j).pixels;
+    return;
+  }
   const auto best = std::max_element(won, won + count);
-  if (*best * kReachShare >= static_cast<std::uint32_t>(columns * rows)) {
+  if (*best * kReachShare >= static_cast<std::uint32_t>(cell_px_ * cell_px_)) {
     reach_[cell] = names[best - won];
   }
 }
 
-std::uint8_t Refiner::plane_at(int u, int v) const noexcept {
-  const int cell = v / cell_px_ * wide_ + u / cell_px_;
-  return from_pixels_[cell] != 0 ? pixel_planes_[v * width_px_ + u] : plane_of_cell_[cell];
+void Refiner::refit() noexcept {
+  for (Candidate& plane : planes()) {
+    plane.small = plane.pixels < kSmallPlanePx;
+    plane.collected = {};
+  }
+  for (int j = 0; j < high_; ++j) {
+    for (int i = 0; i < wide_; ++i) {
+      const int cell = j * wide_ + i;
+      if (looked_[cell] != 0) {
+        collect(i, j, nearby_.data() + cell * kMaxNearby, looked_[cell]);
+      } else if (plane_of_cell_[cell] != kNone) {
+        planes_[plane_of_cell_[cell]].collected += pyramid_->at(Pyramid::kCellLevel, i, j).moments;
+      }
+    }
+  }
+  for (Candidate& plane : planes()) {
+    if (!plane.alive || plane.collected.n < kLeastCollected * plane.moments.n) continue;
+    const Fit f = maplet::fit(plane.collected);
+    if (!f.ok) continue;
+    plane.fit = f;
+    plane.moments = plane.collected;
+  }
+}
+
+bool Refiner::distinct(int i, int j, const std::uint8_t* names, int count, int c) const noexcept {
+  const Fit& own = planes_[names[c]].fit;
+  const double u = i * cell_px_ - width_px_ / 2;
+  const double v = j * cell_px_ - height_px_ / 2;
+  for (int k = 0; k < count; ++k) {
+    if (k == c) continue;
+    const Fit& other = planes_[names[k]].fit;
+    const double corner = own.at(u, v) - other.at(u, v);
+    const double across = cell_px_ * (own.a - other.a);
+    const double down = cell_px_ * (own.b - other.b);
+    const auto [low, high] =
+        std::minmax({corner, corner + across, corner + down, corner + across + down});
+    if (low < 2.0 * limit_steps_ && high > -2.0 * limit_steps_) return false;
+  }
+  return true;
+}
+
+void Refiner::collect(int i, int j, const std::uint8_t* names, int count) noexcept {
+  const int end_u = std::min(width_px_, (i + 1) * cell_px_);
+  const int end_v = std::min(height_px_, (j + 1) * cell_px_);
+  for (int c = 0; c < count; ++c) {
+    if (!planes_[names[c]].small || !distinct(i, j, names, count, c)) continue;
+    Moments moments;
+    for (int v = j * cell_px_; v < end_v; v += kBlockPx) {
+      for (int u = i * cell_px_; u < end_u; u += kBlockPx) {
+        const int columns = std::min(kBlockPx, end_u - u);
+        const int rows = std::min(kBlockPx, end_v - v);
+        std::uint16_t own[kBlockPx * kBlockPx] = {};
+        for (int y = 0; y < rows; ++y) {
+          const std::uint16_t* raw = frame_->depth.row(v + y) + u;
+          const std::uint8_t* label = pixel_planes_.data() + (v + y) * width_px_ + u;
+          for (int x = 0; x < columns; ++x) {
+            own[y * kBlockPx + x] = label[x] == names[c] ? raw[x] : std::uint16_t{0};
+          }
+        }
+        BlockSums sums;
+        sum_(own, kBlockPx, rows, 1, scale_, &sums);
+        if (sums.n == 0) continue;
+        moments += sums.moments(u - width_px_ / 2, v - height_px_ / 2, 1);
+      }
+    }
+    if (moments.n == 0.0) continue;
+    pyramid_->weigh(moments);
+    planes_[names[c]].collected += moments;
+  }
 }
 
 void Refiner::write_labels(const DepthFrame& frame, std::span<std::uint16_t> out) const noexcept {
@@ -109,11 +264,15 @@ void Refiner::write_labels(const DepthFrame& frame, std::span<std::uint16_t> out
   const int width = frame.depth.width_px;
   std::size_t k = 0;
   for (int v = 0; v < frame.depth.height_px; ++v) {
+    const std::uint16_t* raw = frame.depth.row(v);
     for (int u = 0; u < width; ++u, ++k) {
       out[k] = 0;
-      if (wide_ == 0 || !scale.valid(frame.depth.at(u, v))) continue;
-      const std::uint8_t plane = plane_at(u, v);
-      if (plane != kNone) out[k] = static_cast<std::uint16_t>(plane + 1);
+      if (wide_ == 0 || !scale.valid(raw[u])) continue;
+      const int cell = v / cell_px_ * wide_ + u / cell_px_;
+      const std::uint8_t plane = looked_[cell] != 0 ? pixel_planes_[k] : plane_of_cell_[cell];
+      if (plane != kNone && names_[plane] != kNone) {
+        out[k] = static_cast<std::uint16_t>(names_[plane] + 1);
+      }
     }
   }
 }

@@ -8,60 +8,88 @@
 #include "core/base/deadline.hpp"
 #include "core/frame/depth_frame.hpp"
 #include "core/limits.hpp"
+#include "core/patches/assign.hpp"
 #include "core/patches/moments.hpp"
-#include "core/patches/patch_config.hpp"
 #include "core/patches/pyramid.hpp"
 
 namespace maplet {
 
+/// A plane during the second look.
+struct Candidate {
+  Fit fit;
+  Moments moments;           ///< of the pixels that the fit comes from
+  Moments collected = {};    ///< of clean cells, and of border pixels that cannot be others'
+  double noise_steps = 1.0;  ///< standard deviation of a pixel, measured inside its cells
+  std::uint32_t before = 0;  ///< pixels of its cells
+  std::uint32_t pixels = 0;  ///< after the look
+  bool alive = true;         ///< false: other planes explain most of its pixels better
+  bool small = false;        ///< needs its border pixels for the fit too
+};
+
 /// The second look: pixels of cells where planes end go to the adjacent plane that explains them
-/// best, or to none.
+/// best, or to none. A plane that loses most of its own pixels this way was none (a sliver along a
+/// crease); the others are fitted again to all they have.
 ///
 /// Memory   fixed, from the arena: a byte a pixel, and a few a cell.
 /// Time     O(pixels of border cells), vectorised; overruns its deadline by one row of cells.
 /// Threads  one at a time.
-/// Math     docs/math/patches.md, eq. 16
+/// Math     docs/math/patches.md, eq. 15
 class Refiner {
  public:
   static constexpr std::uint8_t kNone = 0xFF;
+  static constexpr std::size_t kMaxCandidates = 250;
 
-  Refiner(const PatchConfig& config, Arena& arena);
+  explicit Refiner(Arena& arena);
 
-  /// The plane of each cell, before pixels are looked at: index or kNone. Row by row,
-  /// pyramid.cells_wide() in each.
+  /// Starts a frame. cells(), hints() and planes() are then the caller's to fill.
+  void begin(const Pyramid& pyramid, std::size_t planes) noexcept;
+  /// The plane of each cell: index or kNone. Row by row, pyramid.cells_wide() in each.
   [[nodiscard]] std::span<std::uint8_t> cells() noexcept { return plane_of_cell_; }
+  /// Of a cell without plane: one that a part of it belongs to, or kNone.
+  [[nodiscard]] std::span<std::uint8_t> hints() noexcept { return reach_; }
+  [[nodiscard]] std::span<Candidate> planes() noexcept { return planes_.first(plane_count_); }
 
-  /// @param planes  fits of the planes that cells() names
-  /// @param pixels  of each plane: what the second look found in border cells, less what the cells
-  ///   themselves had, is added
-  Stop run(const DepthFrame& frame, const Pyramid& pyramid, std::span<const Fit> planes,
+  /// @param least_pixels  a plane with fewer is none
+  Stop run(const DepthFrame& frame, const Pyramid& pyramid, std::uint32_t least_pixels,
            Deadline deadline) noexcept;
-  /// No second look: the cells are the answer.
-  void skip(const Pyramid& pyramid) noexcept;
 
+  /// Says under which number a plane leaves; kNone: not at all.
+  void rename(std::size_t plane, std::uint8_t name) noexcept { names_[plane] = name; }
+  /// Name of each pixel with a return plus 1; 0 = none.
+  void write_labels(const DepthFrame& frame, std::span<std::uint16_t> out) const noexcept;
   /// No frame: no labels.
   void forget() noexcept { wide_ = high_ = 0; }
 
-  /// Plane of each pixel with a return plus 1; 0 = none.
-  void write_labels(const DepthFrame& frame, std::span<std::uint16_t> out) const noexcept;
-  [[nodiscard]] std::uint8_t plane_at(int u, int v) const noexcept;
-
  private:
-  static constexpr int kMaxCandidates = 8;
+  static constexpr int kMaxNearby = kMaxAssigned;
 
-  [[nodiscard]] int candidates(int i, int j, std::uint8_t* out) const noexcept;
+  Stop look_along_borders(int ring, Deadline deadline) noexcept;
+  [[nodiscard]] bool bury() noexcept;
+  /// A cell inside the image and its eight neighbours have one plane.
+  [[nodiscard]] bool uniform(int cell) const noexcept;
+  [[nodiscard]] int nearby(int i, int j, std::uint8_t* out) const noexcept;
   void look(int i, int j, const std::uint8_t* names, int count) noexcept;
-  void lay_out(const Pyramid& pyramid) noexcept;
+  void refit() noexcept;
+  /// Plane c is far from the others all over a cell: its pixels there cannot be theirs.
+  [[nodiscard]] bool distinct(int i, int j, const std::uint8_t* names, int count,
+                              int c) const noexcept;
+  void collect(int i, int j, const std::uint8_t* names, int count) noexcept;
 
-  PatchConfig config_;
+  AssignFunction assign_;
+  BlockRowFunction sum_;
   std::span<std::uint8_t> plane_of_cell_;
-  std::span<std::uint8_t> from_pixels_;  ///< of a cell: 1 = see pixel_planes_
-  std::span<std::uint8_t> reach_;        ///< of a cell without plane: the one its pixels found
+  std::span<std::uint8_t> looked_;  ///< at a cell: planes that its pixels could go to, 0 = not
+  std::span<std::uint8_t> nearby_;  ///< of a cell: which, kMaxNearby each
+  std::span<std::uint8_t> reach_;   ///< of a cell without plane: the one its pixels found
   std::span<std::uint8_t> pixel_planes_;
+  std::span<Candidate> planes_;
+  std::span<std::uint8_t> names_;
+  std::size_t plane_count_ = 0;
   const DepthFrame* frame_ = nullptr;  ///< during run()
-  std::span<const Fit> planes_;        ///< during run()
+  const Pyramid* pyramid_ = nullptr;   ///< during run()
   DepthScale scale_;
-  double sigma_steps_ = 1.0;
+  float limit_steps_ = 1.0F;
+  std::uint32_t least_pixels_ = 0;
   int width_px_ = 0, height_px_ = 0;
   int cell_px_ = 8, wide_ = 0, high_ = 0;
 };
