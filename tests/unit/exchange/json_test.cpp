@@ -108,8 +108,7 @@ TEST(Json, StampsAreExactDecimals) {
   record.stamp = Stamp{0};
   EXPECT_NE(text(to_json(record)).find("\"stamp_s\":0.0,"), std::string::npos);
   record.stamp = Stamp{std::numeric_limits<std::int64_t>::min()};
-  EXPECT_NE(text(to_json(record)).find("\"stamp_s\":-9223372036.854775808,"),
-            std::string::npos);
+  EXPECT_NE(text(to_json(record)).find("\"stamp_s\":-9223372036.854775808,"), std::string::npos);
 }
 
 TEST(Json, MapletAndStatusReadAsDocumented) {
