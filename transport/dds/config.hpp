@@ -14,7 +14,7 @@ struct DdsConfig {
   int domain = 0;
   std::string interface = "lo";
   std::vector<std::string> peers;  ///< addresses to look for others at; lo has its own
-  int delta_pose_history = 2048;
+  int delta_pose_history = 1024;
   int maplet_history = 32;
 
   // interface and peers are words: the daemon's own table has them.

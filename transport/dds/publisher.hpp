@@ -16,7 +16,7 @@ namespace maplet {
 
 /// Puts an agent's delta-poses, maplets and status into the local domain.
 ///
-/// Memory   queues fixed at construction (about 1.1 MB); Cyclone's own in docs/memory.md.
+/// Memory   queues fixed at construction (about 0.7 MB); Cyclone's own in docs/memory.md.
 /// Threads  publish() from one thread, the estimator's; it never allocates, never blocks and never
 ///   waits for Cyclone: a thread of the publisher writes. Everything else from any thread.
 class DdsPublisher {
