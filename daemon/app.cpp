@@ -68,6 +68,7 @@ SourceOptions source_options(const Config& config) {
   SourceOptions options;
   options.camera = {c.width_px, c.height_px, c.fx_px, c.fy_px, c.cx_px, c.cy_px};
   options.metres_per_unit = c.metres_per_unit;
+  options.registered_to_colour = c.registered_to_colour;
   options.gray = config.input.gray == "auto";
   options.noise.kind =
       c.noise == "tof" ? NoiseModel::Kind::kTimeOfFlight : NoiseModel::Kind::kDisparity;
@@ -232,11 +233,22 @@ void App::process(const DepthFrame& frame) {
   }
 }
 
+// A finite run waits for room in the publisher's queue, so that every line of its files goes out;
+// the service never waits, and the publisher counts what it had to refuse.
+template <class Record>
+void App::publish(const Record& record) {
+  if (!publisher_) return;
+  constexpr int kTries = 1000;
+  for (int i = 0; !publisher_->publish(record) && output_ && i < kTries; ++i) {
+    std::this_thread::sleep_for(1ms);
+  }
+}
+
 void App::hand_out(const MapletCut* closed) {
   const StageScope scope{meters_, Stage::kExchange, config_.agent.frame.budget};
   if (closed != nullptr) {
     if (output_) output_->maplet(*closed);
-    if (publisher_) (void)publisher_->publish(record_of(*closed));
+    publish(record_of(*closed));
   }
   for (const DeltaPoseRecord& record : records_.pending()) {
     totals_.add(record.kind);
@@ -244,7 +256,7 @@ void App::hand_out(const MapletCut* closed) {
       const JsonLine line = to_json(record);
       output_->delta_pose({line.data(), line.size()});
     }
-    if (publisher_) (void)publisher_->publish(record);
+    publish(record);
   }
   records_.clear_pending();
 }

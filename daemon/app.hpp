@@ -47,6 +47,8 @@ class App {
   [[nodiscard]] Read read(DepthFrame& frame);
   void process(const DepthFrame& frame);
   void hand_out(const MapletCut* closed);
+  template <class Record>
+  void publish(const Record& record);
   void say_detail();  // what the source had to skip, once
   void publish_status(StatusRecord::State state);
 

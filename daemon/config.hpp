@@ -31,6 +31,7 @@ struct CameraConfig {
   double cx_px = 0.0;
   double cy_px = 0.0;
   double metres_per_unit = 0.001;
+  bool registered_to_colour = false;
   std::string noise = "disparity";
   double disparity_k = 1.425e-3;
   double tof_floor_m = 0.004;
@@ -45,6 +46,8 @@ struct CameraConfig {
       {"cx_px", &CameraConfig::cx_px, -1e5, 1e5, "Principal point in x"},
       {"cy_px", &CameraConfig::cy_px, -1e5, 1e5, "Principal point in y"},
       {"metres_per_unit", &CameraConfig::metres_per_unit, 1e-6, 1.0, "Metres of one depth unit"},
+      {"registered_to_colour", &CameraConfig::registered_to_colour, 0, 0,
+       "Gray has the viewpoint of depth, so that it may be used"},
       {"noise", &CameraConfig::noise, 0, 0,
        "Noise model: disparity (structured light, stereo) or tof", "disparity|tof"},
       {"disparity_k", &CameraConfig::disparity_k, 1e-6, 1.0,

@@ -59,7 +59,6 @@ class SimSource final : public DepthSource {
   [[nodiscard]] const sim::Trajectory& trajectory() const noexcept { return trajectory_; }
 
  private:
-
   sim::SimOptions options_;
   std::unique_ptr<const sim::World> world_;  ///< others point to it
   CameraModel camera_;

@@ -17,9 +17,9 @@ struct DdsConfig {
   int delta_pose_history = 1024;
   int maplet_history = 32;
 
-  // interface and peers are words: the daemon's own table has them.
   static constexpr Field<DdsConfig> kFields[] = {
       {"domain", &DdsConfig::domain, 0, 230, "DDS domain of the programs on this robot"},
+      {"interface", &DdsConfig::interface, 0, 0, "Network interface of that domain"},
       {"delta_pose_history", &DdsConfig::delta_pose_history, 1, 16384,
        "Delta-poses of each agent that a late subscriber still gets"},
       {"maplet_history", &DdsConfig::maplet_history, 1, 256,
