@@ -184,7 +184,7 @@ void PatchExtractor::emit_plane(std::size_t candidate) noexcept {
   gray_sum_[out_->planes.size()] = 0.0;
   FramePlane& plane = out_->planes.emplace_back();
   plane.theta = pixel_frame_.theta(from.fit);
-  // Eq. 13: how far the cells' own planes are from the whole one tells the noise's power at low
+  // Eq. 14: how far the cells' own planes are from the whole one tells the noise's power at low
   // frequencies, correlation and distortion included; the model is the prior.
   const double prior = tree_.noise_power();
   const double explained = std::max(0.0, region.rss - region.cells_rss);
