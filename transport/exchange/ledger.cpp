@@ -56,8 +56,10 @@ Insert Ledger::insert(const RecordKey& key) noexcept {
   if (row == nullptr) return Insert::kFull;
   const Insert result = row->held[stream].insert(key.seq);
   if (result == Insert::kNew) {
-    digest_ += hash(key);  // a sum: the order does not matter
-    ++records_;
+    if (key.stream != Stream::kMaplets) {
+      digest_ += hash(key);  // a sum: the order does not matter
+      ++records_;
+    }
     row->known_end[stream] = std::max(row->known_end[stream], key.seq + 1);
   } else if (result == Insert::kFull) {
     ++refused_;
@@ -71,6 +73,15 @@ bool Ledger::contains(const RecordKey& key) const noexcept {
   return row != nullptr && stream < kStreams && row->held[stream].contains(key.seq);
 }
 
+bool Ledger::accepts(const RecordKey& key) const noexcept {
+  const auto stream = static_cast<std::size_t>(key.stream);
+  const Row* row = find({key.agent, key.epoch});
+  if (stream >= kStreams || key.seq >= SeqSet::kSeqEnd) return false;
+  if (row == nullptr) return count_ < rows_.size();
+  SeqSet copy = row->held[stream];
+  return copy.insert(key.seq) != Insert::kFull;
+}
+
 void Ledger::expect(const Life& life, Stream stream, std::uint32_t end) noexcept {
   const auto index = static_cast<std::size_t>(stream);
   if (index >= kStreams) return;
@@ -81,6 +92,7 @@ std::uint64_t Ledger::missing() const noexcept {
   std::uint64_t count = 0;
   for (const Row& row : rows()) {
     for (std::size_t i = 0; i < kStreams; ++i) {
+      if (static_cast<Stream>(i) == Stream::kMaplets) continue;
       row.held[i].missing({0, row.known_end[i]},
                           [&](const SeqRange& gap) { count += gap.end - gap.first; });
     }

@@ -60,6 +60,8 @@ class Ledger {
   /// A record arrived, or was made. kNew: keep and use it; kDuplicate: drop it; kFull: drop it.
   Insert insert(const RecordKey& key) noexcept;
   [[nodiscard]] bool contains(const RecordKey& key) const noexcept;
+  /// Whether insert() would not say kFull.
+  [[nodiscard]] bool accepts(const RecordKey& key) const noexcept;
   /// A peer holds records up to `end` (exclusive). Nothing when there is no room for that life.
   void expect(const Life& life, Stream stream, std::uint32_t end) noexcept;
 
@@ -67,13 +69,14 @@ class Ledger {
   [[nodiscard]] std::span<const Row> rows() const noexcept { return rows_.first(count_); }
   [[nodiscard]] const Row* find(const Life& life) const noexcept;
 
-  /// Equal for equal sets of records, whatever the order they came in.
+  /// Equal for equal sets of records, whatever the order they came in. Maplets do not count: each
+  /// agent keeps those that it wants.
   [[nodiscard]] std::uint64_t records_digest() const noexcept { return digest_; }
   [[nodiscard]] std::uint64_t records() const noexcept { return records_; }
   /// Lives and islands refused for want of room.
   [[nodiscard]] std::uint64_t refused() const noexcept { return refused_; }
 
-  /// Records known to exist that are not held.
+  /// Records known to exist that are not held, maplets apart.
   [[nodiscard]] std::uint64_t missing() const noexcept;
 
  private:

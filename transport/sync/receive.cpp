@@ -1,0 +1,240 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+
+#include "transport/sync/node.hpp"
+
+namespace maplet {
+
+namespace {
+
+constexpr Duration kSilence = std::chrono::seconds{6};  // after it a peer is heard "again"
+constexpr Duration kSoon = std::chrono::milliseconds{50};
+
+bool touch(const KeyRange& a, const KeyRange& b) noexcept {
+  return a.life == b.life && a.stream == b.stream && a.seqs.first < b.seqs.end &&
+         b.seqs.first < a.seqs.end;
+}
+
+/// Equal contents; a delta-pose in either order of the covariance's numbers is the same bytes.
+template <class Record>
+bool same(const Record& a, const Record& b) noexcept {
+  return a == b;
+}
+
+}  // namespace
+
+void Node::receive(std::span<const std::byte> bytes, Instant now) noexcept {
+  ++counters_.datagrams_in;
+  DatagramReader reader{bytes};
+  if (reader.fault() == DatagramFault::kFuture) ++counters_.future;
+  if (reader.fault() == DatagramFault::kDamaged) ++counters_.damaged;
+  if (reader.fault() != DatagramFault::kNone) return;
+  const DatagramHead& head = reader.head();
+  if (head.sender == self_) return;  // ourselves, or a double that nobody can tell from us
+  if (head.sender.agent == self_.agent) peers_.note_conflict(self_.agent);
+  const Peer* before = peers_.find(head.sender);
+  const bool again = before == nullptr || now - before->last_heard > kSilence;
+  Peer& peer = peers_.heard(head, bytes.size(), now);
+  if (again && !(in_sync(peer) && before != nullptr)) say_by(now + kSoon + jitter(kSoon * 4));
+
+  RecordContext context{head.sender.agent, head.sender.epoch};
+  bool readable = true;
+  for (DatagramReader::Entry entry; reader.next(entry);) {
+    take_entry(entry, peer, context, readable, now);
+  }
+  if (reader.broken()) ++counters_.malformed;
+}
+
+void Node::take_entry(const DatagramReader::Entry& entry, Peer& peer, RecordContext& context,
+                      bool& readable, Instant now) noexcept {
+  ByteReader in{entry.body};
+  switch (entry.kind) {
+    case EntryKind::kDeltaPose:
+    case EntryKind::kRange: {
+      if (!readable) return;
+      if (entry.kind == EntryKind::kDeltaPose) {
+        const auto record = read_delta_pose(in, context);
+        readable = record && in.left() == 0;
+        if (readable) take_record(*record, delta_poses_, peer, now);
+      } else {
+        const auto record = read_range(in, context);
+        readable = record && in.left() == 0;
+        if (readable) take_record(*record, ranges_, peer, now);
+      }
+      if (!readable) ++counters_.malformed;  // and those after it, which lean on it
+      return;
+    }
+    case EntryKind::kBeacon:
+      return take_beacon(entry.body, peer, now);
+    case EntryKind::kDigest:
+      return take_digest(entry.body, peer, now);
+    case EntryKind::kRequest:
+      return take_request(entry.body);
+    case EntryKind::kMapletOffer:
+      if (const auto offer = read_offer(entry.body)) {
+        trade_.heard_offer(*offer, peer.life.agent, now);
+      } else {
+        ++counters_.malformed;
+      }
+      return;
+    case EntryKind::kMapletRequest:
+      if (const auto request = read_maplet_request(entry.body)) {
+        if (request->holder == self_.agent) trade_.heard_request(*request);
+      } else {
+        ++counters_.malformed;
+      }
+      return;
+    case EntryKind::kMapletChunk:
+      if (const auto chunk = read_chunk(entry.body)) {
+        (void)trade_.heard_chunk(*chunk, peer.life.agent, taker_, now);
+      } else {
+        ++counters_.malformed;
+      }
+      return;
+  }
+  ++counters_.unknown;
+}
+
+template <class Record>
+void Node::take_record(const Record& record, RecordRing<Record>& ring, Peer& peer,
+                       Instant now) noexcept {
+  const Life life{record.key.agent, record.key.epoch};
+  if (ledger_.contains(record.key)) {
+    ++counters_.duplicates;
+    const auto* slot = ring.find(record.key);
+    if (slot != nullptr && !same(slot->record, record)) {
+      ++counters_.conflicting;
+      peers_.note_conflict(record.key.agent);
+    }
+    return;
+  }
+  if (life == self_) {
+    ++counters_.forged_own;
+    peers_.note_conflict(self_.agent);
+    return;
+  }
+  if (!ledger_.accepts(record.key) || !taker_.take(record)) {
+    ++counters_.refused;
+    return;
+  }
+  (void)ledger_.insert(record.key);
+  ring.put(record);
+  ++counters_.received;
+  ++peer.new_records;
+  changed(now);
+  say_by(now + profile_.quick / 2 + jitter(profile_.quick / 4));
+  const SeqSet& held = ledger_.find(life)->held[static_cast<std::size_t>(record.key.stream)];
+  if (held.next() < record.key.seq) {
+    held.missing({held.next(), record.key.seq}, [&](const SeqRange& gap) {
+      want({life, record.key.stream, gap}, peer.life.agent, now + kSoon * 2);
+    });
+  }
+}
+
+void Node::take_beacon(std::span<const std::byte> body, Peer& peer, Instant now) noexcept {
+  const auto beacon = read_beacon(body);
+  if (!beacon) {
+    ++counters_.malformed;
+    return;
+  }
+  const bool was_same = in_sync(peer);
+  peer.has_word = true;
+  peer.word = beacon->word;
+  if (!beacon->brief) {
+    peer.records = beacon->records;
+    peer.last_clock = beacon->clock;
+    peer.last_clock_at = now;
+  }
+  for (const Beacon::Echo& echo : beacon->echoes) {
+    if (echo.agent != self_.agent) continue;
+    const Stamp ours = record_clock(now);
+    const auto ours_us = static_cast<std::uint64_t>(ours.count() / 1000);
+    const auto age_us = static_cast<std::uint32_t>(ours_us) - echo.clock_us;
+    note_clocks(peer, ours - std::chrono::microseconds{age_us},
+                std::chrono::microseconds{echo.held_us}, peer.last_clock, ours, now);
+  }
+  if (in_sync(peer)) {
+    // It cannot know that we hold the same, unless it says so.
+    if (!was_same && !beacon->brief && !beacon->same_answered) say_by(now + profile_.quick / 2);
+  } else {
+    say_by(std::max(now + kSoon + jitter(kSoon), said_at_ + profile_.quick / 2));
+  }
+}
+
+void Node::take_digest(std::span<const std::byte> body, Peer& peer, Instant now) noexcept {
+  const auto difference = read_digest(body, ledger_);
+  if (!difference) {
+    ++counters_.malformed;
+    return;
+  }
+  bool they_miss = false;
+  for (const KeyRange& range : difference->i_lack) {
+    if (range.life == self_) continue;  // of a double; or forged
+    if (range.stream == Stream::kMaplets) {
+      trade_.heard_holding(range, peer.life.agent, now);
+    } else {
+      want(range, peer.life.agent, now);
+    }
+  }
+  for (const KeyRange& range : difference->they_lack) {
+    if (range.stream == Stream::kMaplets) continue;
+    if (range.life == self_) {
+      owe(range);  // nobody else volunteers
+    } else {
+      they_miss = true;
+    }
+  }
+  // They ask, once they know what we have.
+  if (they_miss) say_by(std::max(now + kSoon + jitter(kSoon), said_at_ + profile_.quick / 2));
+}
+
+void Node::take_request(std::span<const std::byte> body) noexcept {
+  ByteReader in{body};
+  const auto holder = in.varint_to(0xFFFF);
+  const auto ranges = read_ranges(in.bytes(in.left()));
+  if (!in.ok() || !ranges) {
+    ++counters_.malformed;
+    return;
+  }
+  if (holder != self_.agent) return;
+  for (const KeyRange& range : *ranges) {
+    const Ledger::Row* row = ledger_.find(range.life);
+    if (row == nullptr || range.stream == Stream::kMaplets) continue;
+    row->held[static_cast<std::size_t>(range.stream)].held([&](const SeqRange& held) {
+      const SeqRange both{std::max(held.first, range.seqs.first),
+                          std::min(held.end, range.seqs.end)};
+      if (both.first < both.end) owe({range.life, range.stream, both});
+    });
+  }
+}
+
+void Node::want(const KeyRange& range, std::uint16_t holder, Instant due) noexcept {
+  for (Want& other : wants_) {
+    if (!touch(other.range, range)) continue;
+    if (other.tries >= 2) other.holder = holder;  // the first one does not answer
+    // The same gap and more: ask for all of it.
+    other.range.seqs.first = std::min(other.range.seqs.first, range.seqs.first);
+    other.range.seqs.end = std::max(other.range.seqs.end, range.seqs.end);
+    return;
+  }
+  if (!full(wants_)) wants_.push_back({range, holder, due, 0});
+}
+
+void Node::owe(const KeyRange& range) noexcept {
+  Ranges& owed = owed_[static_cast<std::size_t>(range.stream)];
+  for (KeyRange& other : owed) {
+    if (other.life != range.life || other.stream != range.stream) continue;
+    if (range.seqs.first > other.seqs.end || other.seqs.first > range.seqs.end) continue;
+    other.seqs.first = std::min(other.seqs.first, range.seqs.first);
+    other.seqs.end = std::max(other.seqs.end, range.seqs.end);
+    return;
+  }
+  if (!full(owed)) owed.push_back(range);
+}
+
+void Node::changed(Instant now) noexcept {
+  changed_at_ = now;
+  calm_ = profile_.quick;
+}
+
+}  // namespace maplet
