@@ -2,13 +2,12 @@
 #include "core/maplet/codec.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <utility>
 
 #include "core/base/crc.hpp"
-#include "core/maplet/bit_coder.hpp"
 #include "core/maplet/byte_stream.hpp"
+#include "core/maplet/cell_coder.hpp"
+#include "core/maplet/codec_fields.hpp"
 #include "core/maplet/quantise.hpp"
 
 namespace maplet {
@@ -16,240 +15,246 @@ namespace maplet {
 namespace {
 
 constexpr std::uint64_t kMagic = 0x544C504D;  // "MPLT"
-constexpr std::uint8_t kVersion = 1;
+constexpr std::uint8_t kVersion = 2;
+constexpr std::uint8_t kHasUp = 0x80;
+constexpr std::size_t kLayerHeadBytes = 5;
 constexpr std::size_t kCrcBytes = 4;
-constexpr double kMetre = 1e4;  // lengths are written in 0.1 mm
-constexpr std::int64_t kMaxLength = static_cast<std::int64_t>(codec::kMaxDistance_m * kMetre);
+constexpr std::size_t kMaxLayerBytes = 0xFFFF;
+constexpr std::size_t kCodingSlack = 8;  // the range coder's end, at most
+constexpr int kCoarseShift = 2;
 constexpr int kMinCell_mm = 5;
 constexpr int kMaxCell_mm = 1000;
 
-// A cell is predicted from six that came before it: its neighbours left (2) and above (4). Learnt
-// over all planes of a maplet.
-class CellModels {
- public:
-  void start_grid() noexcept {
-    for (auto& row : rows_) row.fill(0);
-  }
-  void start_row() noexcept {
-    std::swap(rows_[2], rows_[1]);
-    std::swap(rows_[1], rows_[0]);
-    left_ = 0;
-  }
-  [[nodiscard]] BitModel& at(int column) noexcept {
-    const std::uint8_t* above = &rows_[1][static_cast<std::size_t>(column) + 1];
-    const unsigned context = left_ | above[0] << 2 | above[-1] << 3 | above[1] << 4 |
-                             rows_[2][static_cast<std::size_t>(column) + 1] << 5;
-    return models_[context];
-  }
-  void set(int column, bool bit) noexcept {
-    rows_[0][static_cast<std::size_t>(column) + 1] = bit ? 1 : 0;
-    left_ = ((left_ << 1) | (bit ? 1U : 0U)) & 3U;
-  }
-
- private:
-  std::array<BitModel, 64> models_{};
-  std::array<std::array<std::uint8_t, kMaxGridCells + 2>, 3> rows_{};  // this, above, above that
-  unsigned left_ = 0;
+// Which planes and keyframes a layer adds, and how its planes' cells are written.
+struct Layer {
+  std::size_t first_plane = 0, planes = 0;
+  std::size_t first_keyframe = 0, keyframes = 0;
+  int shift = 0;               // of its own planes
+  std::size_t refined_to = 0;  // planes before this one get their exact cells
 };
 
-// Calls f(column, row, model) -> the cell, for all cells in coding order.
-template <class F>
-void for_cells(const CellGrid& grid, CellModels& models, F f) noexcept {
-  models.start_grid();
-  for (int row = 0; row < grid.rows; ++row) {
-    models.start_row();
-    for (int column = 0; column < grid.columns; ++column) {
-      models.set(column, f(column, row, models.at(column)));
-    }
+void put_records(const Maplet& m, const Layer& layer, ByteWriter& out) noexcept {
+  codec::put_keyframes(m, layer.first_keyframe, layer.keyframes, out);
+  for (std::size_t i = 0; i < layer.planes; ++i) {
+    codec::put_plane(m.planes[layer.first_plane + i], out);
   }
 }
 
-bool writable(const Maplet& m) noexcept {
-  if (m.keyframes.empty()) return false;
-  for (const MapletKeyframe& k : m.keyframes) {
-    const Se3& T = k.T_maplet_camera.se3;
-    if (!(T.t.cwiseAbs().maxCoeff() <= codec::kMaxDistance_m)) return false;
-    if (!(std::abs(T.q.norm() - 1.0) < 1e-6)) return false;
+// How many planes, from layer.first_plane on, fit into `budget` bytes of body.
+std::size_t planes_that_fit(const Maplet& m, const Layer& layer, std::size_t budget) noexcept {
+  ByteWriter records{{}};
+  ByteWriter cells{{}};
+  CellEncoder encoder{cells};
+  codec::put_keyframes(m, layer.first_keyframe, layer.keyframes, records);
+  for (std::size_t i = 0; i < layer.refined_to; ++i) {
+    encoder.refine(m, m.planes[i].grid, kCoarseShift);
   }
-  for (const MapletPlane& p : m.planes) {
-    if (!(std::abs(p.plane.d) <= codec::kMaxDistance_m)) return false;
-    if (!(p.centre.cwiseAbs().maxCoeff() <= codec::kMaxDistance_m)) return false;
-    if (!(std::abs(p.plane.n.norm() - 1.0) < 1e-6) || !p.covariance.allFinite()) return false;
+  std::size_t count = 0;
+  for (std::size_t i = layer.first_plane; i < m.planes.size(); ++i, ++count) {
+    codec::put_plane(m.planes[i], records);
+    encoder.put(m, m.planes[i].grid, layer.shift);
+    if (records.size() + cells.size() + kCodingSlack > budget) break;
   }
-  return true;
+  return count;
 }
 
-void put_keyframes(const Maplet& m, ByteWriter& out) noexcept {
-  std::int64_t before = m.stamp.count();
-  for (std::size_t i = 1; i < m.keyframes.size(); ++i) {
-    const MapletKeyframe& k = m.keyframes[i];
-    out.put_varint(k.stamp.count() - before);
-    before = k.stamp.count();
-    for (const double x : k.T_maplet_camera.se3.t) out.put_varint(std::llround(x * kMetre));
-    out.put(codec::pack_rotation(k.T_maplet_camera.se3.q), 7);
+// Appends a layer at `at`. @return where it ends, past out.size() when it does not fit
+std::size_t put_layer(const Maplet& m, const Layer& layer, std::size_t at,
+                      std::span<std::byte> out) noexcept {
+  ByteWriter body{out.subspan(std::min(out.size(), at + kLayerHeadBytes))};
+  put_records(m, layer, body);
+  CellEncoder cells{body};
+  for (std::size_t i = 0; i < layer.refined_to; ++i) {
+    cells.refine(m, m.planes[i].grid, kCoarseShift);
   }
-}
-
-bool get_keyframes(ByteReader& in, std::size_t count, Maplet& m) noexcept {
-  if (count == 0 || count > kMaxMapletKeyframes) return false;
-  m.keyframes.push_back({m.stamp, {}});
-  std::int64_t stamp = m.stamp.count();
-  for (std::size_t i = 1; i < count; ++i) {
-    MapletKeyframe k;
-    const std::int64_t step = in.get_varint();
-    if (__builtin_add_overflow(stamp, step, &stamp)) return false;
-    k.stamp = Stamp{stamp};
-    for (double& x : k.T_maplet_camera.se3.t) {
-      const std::int64_t length = in.get_varint();
-      if (length < -kMaxLength || length > kMaxLength) return false;
-      x = static_cast<double>(length) / kMetre;
-    }
-    if (!codec::unpack_rotation(in.get(7), k.T_maplet_camera.se3.q)) return false;
-    m.keyframes.push_back(k);
+  for (std::size_t i = 0; i < layer.planes; ++i) {
+    cells.put(m, m.planes[layer.first_plane + i].grid, layer.shift);
   }
-  return !in.ran_short();
+  cells.finish();
+  const std::size_t size = kLayerHeadBytes + body.size() + kCrcBytes;
+  if (size > kMaxLayerBytes || at + size > out.size()) return out.size() + 1;
+  ByteWriter head{out.subspan(at)};
+  head.put(size, 2);
+  head.put(layer.planes, 1);
+  head.put(layer.keyframes, 1);
+  head.put(static_cast<std::uint64_t>(layer.shift), 1);
+  return at + size;
 }
 
-void put_plane(const MapletPlane& p, ByteWriter& out) noexcept {
-  const std::uint32_t normal = codec::pack_normal(p.plane.n);
-  out.put(normal, 4);
-  // The offset that keeps the plane's centre where it is, whatever rounding did to the normal.
-  const double d =
-      -codec::unpack_normal(normal).dot(p.centre - p.plane.distance(p.centre) * p.plane.n);
-  out.put(static_cast<std::uint64_t>(std::llround(d * kMetre)), 3);
-  const codec::PackedCovariance c = codec::pack_covariance(p.covariance);
-  for (const std::uint8_t s : c.log_sigma) out.put(s, 1);
-  for (const std::int8_t r : c.correlation) out.put(static_cast<std::uint8_t>(r), 1);
-  const double gray = p.mean_gray < 0.0F ? 0.0 : std::clamp(p.mean_gray, 1.0F, 255.0F);
-  out.put(static_cast<std::uint64_t>(std::lround(gray)), 1);
-  out.put(p.observations, 1);
-  out.put(p.grid.level | (p.grid.axis << 4), 1);
-  out.put_varint(p.grid.column0);
-  out.put_varint(p.grid.row0);
-  out.put_varint(p.grid.columns);
-  out.put_varint(p.grid.rows);
+// The layers of a maplet: one when it is small.
+StaticVector<Layer, codec::kMaxLayers> plan(const Maplet& m) noexcept {
+  constexpr std::size_t kFrame = kLayerHeadBytes + kCrcBytes;
+  constexpr std::size_t kFirst = codec::kCoarseBytes - codec::kHeaderBytes - kFrame;
+  constexpr std::size_t kSecond = codec::kMiddleBytes - codec::kCoarseBytes - kFrame;
+  const std::size_t all = m.planes.size();
+  StaticVector<Layer, codec::kMaxLayers> layers;
+  layers.push_back({0, all, 0, m.keyframes.size(), 0, 0});
+  if (all == 0 || planes_that_fit(m, layers[0], kFirst) == all) return layers;
+
+  Layer& first = layers[0];
+  first.keyframes = 1;
+  first.shift = kCoarseShift;
+  first.planes = std::max<std::size_t>(1, planes_that_fit(m, first, kFirst));
+  Layer second{first.planes, 0, 1, m.keyframes.size() - 1, 0, first.planes};
+  second.planes = planes_that_fit(m, second, kSecond);
+  layers.push_back(second);
+  const std::size_t told = first.planes + second.planes;
+  if (told < all) layers.push_back({told, all - told, m.keyframes.size(), 0, 0, 0});
+  return layers;
 }
 
-bool get_grid(ByteReader& in, Maplet& m, MapletPlane& p) noexcept {
-  const std::uint64_t packed = in.get(1);
-  p.grid.level = static_cast<std::uint8_t>(packed & 0xFU);
-  p.grid.axis = static_cast<std::uint8_t>(packed >> 4);
-  if (p.grid.level > CellGrid::kMaxLevel || p.grid.axis > 2) return false;
-  if (std::abs(p.plane.n[p.grid.axis]) > 0.9) return false;
-  std::int64_t values[4];
-  for (std::int64_t& value : values) value = in.get_varint();
-  constexpr std::int64_t kMaxIndex = 32000;
-  if (std::abs(values[0]) > kMaxIndex || std::abs(values[1]) > kMaxIndex) return false;
-  if (values[2] < 0 || values[2] > kMaxGridCells) return false;
-  if (values[3] < 0 || values[3] > kMaxGridCells) return false;
-  p.grid.column0 = static_cast<std::int16_t>(values[0]);
-  p.grid.row0 = static_cast<std::int16_t>(values[1]);
-  p.grid.columns = static_cast<std::uint16_t>(values[2]);
-  p.grid.rows = static_cast<std::uint16_t>(values[3]);
-  return m.take_cells(p.grid);
-}
-
-bool get_planes(ByteReader& in, std::size_t count, Maplet& m) noexcept {
-  if (count > kMaxMapletPlanes) return false;
-  for (std::size_t i = 0; i < count; ++i) {
-    MapletPlane p;
-    p.id = static_cast<std::uint8_t>(i);
-    p.plane.n = codec::unpack_normal(static_cast<std::uint32_t>(in.get(4)));
-    p.plane.d = static_cast<double>(in.get_signed(3)) / kMetre;
-    codec::PackedCovariance c;
-    for (std::uint8_t& s : c.log_sigma) s = in.pop();
-    for (std::int8_t& r : c.correlation) r = static_cast<std::int8_t>(in.pop());
-    if (!codec::unpack_covariance(c, p.covariance)) return false;
-    const std::uint8_t gray = in.pop();
-    p.mean_gray = gray == 0 ? -1.0F : gray;
-    p.observations = in.pop();
-    if (!get_grid(in, m, p) || in.ran_short()) return false;
-    m.planes.push_back(p);
-  }
-  return true;
-}
-
-void put_cells(const Maplet& m, ByteWriter& out) noexcept {
-  CellModels models;
-  BitEncoder bits{out};
-  for (const MapletPlane& p : m.planes) {
-    for_cells(p.grid, models, [&](int column, int row, BitModel& model) {
-      const bool bit = m.cell(p.grid, column, row);
-      bits.put(bit, model);
-      return bit;
-    });
-  }
-  bits.finish();
-}
-
-void get_cells(ByteReader& in, Maplet& m) noexcept {
-  CellModels models;
-  BitDecoder bits{in};
-  for (MapletPlane& p : m.planes) {
-    for_cells(p.grid, models, [&](int column, int row, BitModel& model) {
-      const bool bit = bits.get(model);
-      if (bit) m.set_cell(p.grid, column, row);
-      return bit;
-    });
-    m.measure_extent(p);
-  }
-}
-
-}  // namespace
-
-Expected<std::size_t> encode(const Maplet& m, std::span<std::byte> out) noexcept {
-  if (!writable(m)) return fail(ErrorCode::kBadInput, "maplet has no keyframe or odd values");
-  ByteWriter body{out.subspan(std::min(out.size(), codec::kHeaderBytes))};
-  put_keyframes(m, body);
-  for (const MapletPlane& p : m.planes) put_plane(p, body);
-  put_cells(m, body);
-  const std::size_t size = codec::kHeaderBytes + body.size() + kCrcBytes;
-  if (size > out.size()) return fail(ErrorCode::kCapacity, "maplet does not fit");
-
+void put_header(const Maplet& m, std::size_t layers, std::size_t size,
+                std::span<std::byte> out) noexcept {
+  const bool has_up = !m.up.isZero();
   ByteWriter header{out};
   header.put(kMagic, 4);
   header.put(kVersion, 1);
   header.put(m.keyframes.size(), 1);
   header.put(m.planes.size(), 1);
-  header.put(0, 1);
+  header.put(layers | (has_up ? kHasUp : 0U), 1);
   header.put(static_cast<std::uint64_t>(std::lround(m.cell_m * 1e3)), 2);
   header.put(m.key.agent, 2);
   header.put(m.key.epoch, 4);
   header.put(m.key.id, 4);
   header.put(static_cast<std::uint64_t>(m.stamp.count()), 8);
   header.put(size, 4);
-  ByteWriter tail{out.subspan(size - kCrcBytes)};
-  tail.put(crc32c(out.first(size - kCrcBytes)), kCrcBytes);
-  return size;
+  header.put(has_up ? codec::pack_normal(m.up) : 0U, 4);
 }
 
-Expected<void> decode(std::span<const std::byte> bytes, Maplet& m) noexcept {
-  m.clear();
-  if (bytes.size() < codec::kHeaderBytes + kCrcBytes) {
-    return fail(ErrorCode::kBadInput, "too short for a maplet");
-  }
-  ByteReader in{bytes.first(bytes.size() - kCrcBytes)};
-  if (in.get(4) != kMagic) return fail(ErrorCode::kBadInput, "not a maplet");
-  if (in.get(1) != kVersion) return fail(ErrorCode::kBadInput, "maplet of an unknown version");
-  if (ByteReader{bytes.last(kCrcBytes)}.get(kCrcBytes) !=
-      crc32c(bytes.first(bytes.size() - kCrcBytes))) {
-    return fail(ErrorCode::kBadInput, "maplet is damaged: its checksum differs");
-  }
-  const std::size_t keyframes = in.get(1);
-  const std::size_t planes = in.get(1);
-  const bool reserved_is_zero = in.get(1) == 0;
+struct Header {
+  std::size_t keyframes, planes, layers, size;
+};
+
+// @return nullptr, or what is wrong
+const char* get_header(ByteReader& in, Header& header, Maplet& m) noexcept {
+  if (in.get(4) != kMagic) return "not a maplet";
+  if (in.get(1) != kVersion) return "maplet of an unknown version";
+  header.keyframes = in.get(1);
+  header.planes = in.get(1);
+  const std::uint64_t packed = in.get(1);
+  header.layers = packed & 0x7FU;
   const auto cell_mm = static_cast<int>(in.get(2));
   m.cell_m = cell_mm * 1e-3;
   m.key.agent = static_cast<std::uint16_t>(in.get(2));
   m.key.epoch = static_cast<std::uint32_t>(in.get(4));
   m.key.id = static_cast<std::uint32_t>(in.get(4));
   m.stamp = Stamp{static_cast<std::int64_t>(in.get(8))};
-  if (in.get(4) != bytes.size()) return fail(ErrorCode::kBadInput, "maplet is cut short");
-  if (!reserved_is_zero || cell_mm < kMinCell_mm || cell_mm > kMaxCell_mm ||
-      !get_keyframes(in, keyframes, m) || !get_planes(in, planes, m)) {
+  header.size = in.get(4);
+  const auto up = static_cast<std::uint32_t>(in.get(4));
+  const bool has_up = (packed & kHasUp) != 0;
+  if (has_up) m.up = codec::unpack_normal(up);
+  const bool in_range = header.layers > 0 && header.layers <= codec::kMaxLayers &&
+                        cell_mm >= kMinCell_mm && cell_mm <= kMaxCell_mm && (has_up || up == 0);
+  return in_range ? nullptr : "maplet holds values out of range";
+}
+
+// Body of a layer. @param coarse  planes whose cells are blocks still: brought up to date
+bool get_layer(ByteReader in, Maplet& m, std::size_t& coarse) noexcept {
+  (void)in.get(2);
+  const std::size_t planes = in.get(1);
+  const std::size_t keyframes = in.get(1);
+  const auto shift = static_cast<int>(in.get(1));
+  if (shift != 0 && (shift != kCoarseShift || coarse > 0)) return false;
+  const std::size_t first = m.planes.size();
+  if (!codec::get_keyframes(in, keyframes, m) || !codec::get_planes(in, planes, m)) return false;
+  CellDecoder cells{in};
+  for (std::size_t i = 0; i < coarse; ++i) cells.refine(m, m.planes[i].grid);
+  for (std::size_t i = first; i < m.planes.size(); ++i) cells.get(m, m.planes[i].grid, shift);
+  coarse = shift == 0 ? 0 : m.planes.size();
+  return true;
+}
+
+}  // namespace
+
+Expected<std::size_t> encode(const Maplet& m, std::span<std::byte> out) noexcept {
+  if (!codec::writable(m))
+    return fail(ErrorCode::kBadInput, "maplet has no keyframe or odd values");
+  const auto layers = plan(m);
+  StaticVector<std::size_t, codec::kMaxLayers> ends;
+  std::size_t size = codec::kHeaderBytes;
+  for (const Layer& layer : layers) {
+    size = put_layer(m, layer, size, out);
+    if (size > out.size()) return fail(ErrorCode::kCapacity, "maplet does not fit");
+    ends.push_back(size);
+  }
+  put_header(m, layers.size(), size, out);
+  for (const std::size_t end : ends) {
+    ByteWriter tail{out.subspan(end - kCrcBytes)};
+    tail.put(crc32c(out.first(end - kCrcBytes)), kCrcBytes);
+  }
+  return size;
+}
+
+Expected<std::size_t> encode(const Maplet& m, std::size_t max_bytes,
+                             std::span<std::byte> out) noexcept {
+  const auto size = encode(m, out);
+  if (!size) return size;
+  const std::size_t kept = layers_within(out.first(*size), max_bytes);
+  if (kept == 0) return fail(ErrorCode::kCapacity, "not even the first layer fits");
+  return kept;
+}
+
+StaticVector<std::size_t, codec::kMaxLayers> layer_ends(std::span<const std::byte> bytes) noexcept {
+  StaticVector<std::size_t, codec::kMaxLayers> ends;
+  ByteReader header{bytes.first(std::min(bytes.size(), codec::kHeaderBytes))};
+  if (header.get(4) != kMagic || header.get(1) != kVersion || header.get(2) > 0xFFFF) return ends;
+  const std::size_t layers = header.get(1) & 0x7FU;
+  if (header.ran_short()) return ends;
+  for (std::size_t at = codec::kHeaderBytes; ends.size() < std::min(layers, codec::kMaxLayers);) {
+    if (bytes.size() < at + kLayerHeadBytes + kCrcBytes) break;
+    const std::size_t size = ByteReader{bytes.subspan(at)}.get(2);
+    if (size < kLayerHeadBytes + kCrcBytes || size > bytes.size() - at) break;
+    at += size;
+    ends.push_back(at);
+  }
+  return ends;
+}
+
+std::size_t layers_within(std::span<const std::byte> bytes, std::size_t max_bytes) noexcept {
+  std::size_t kept = 0;
+  for (const std::size_t end : layer_ends(bytes)) {
+    if (end <= max_bytes) kept = end;
+  }
+  return kept;
+}
+
+Expected<void> decode(std::span<const std::byte> bytes, Maplet& m) noexcept {
+  m.clear();
+  if (bytes.size() < codec::kHeaderBytes + kLayerHeadBytes + kCrcBytes) {
+    return fail(ErrorCode::kBadInput, "too short for a maplet");
+  }
+  ByteReader in{bytes.first(codec::kHeaderBytes)};
+  Header header{};
+  const char* wrong = get_header(in, header, m);
+  if (wrong != nullptr) return fail(ErrorCode::kBadInput, wrong);
+  const auto ends = layer_ends(bytes);
+  if (ends.empty() || ends.back() != bytes.size()) {
+    return fail(ErrorCode::kBadInput, "maplet is cut short inside a layer, or goes on after it");
+  }
+  std::uint32_t crc = 0;
+  std::size_t at = 0;
+  for (const std::size_t end : ends) {  // all of them before anything is taken from one
+    crc = crc32c(bytes.subspan(at, end - kCrcBytes - at), crc);
+    if (ByteReader{bytes.subspan(end - kCrcBytes)}.get(kCrcBytes) != crc) {
+      return fail(ErrorCode::kBadInput, "maplet is damaged: its checksum differs");
+    }
+    at = end - kCrcBytes;
+  }
+  m.complete = ends.size() == header.layers;
+  std::size_t coarse = 0;
+  at = codec::kHeaderBytes;
+  for (const std::size_t end : ends) {
+    if (!get_layer(ByteReader{bytes.subspan(at, end - kCrcBytes - at)}, m, coarse)) {
+      return fail(ErrorCode::kBadInput, "maplet holds values out of range");
+    }
+    at = end;
+  }
+  const bool all_told = coarse == 0 && m.planes.size() == header.planes &&
+                        m.keyframes.size() == header.keyframes && header.size == bytes.size();
+  if (m.complete && !all_told) {
     return fail(ErrorCode::kBadInput, "maplet holds values out of range");
   }
-  get_cells(in, m);
+  for (MapletPlane& plane : m.planes) m.measure_extent(plane);
   return {};
 }
 

@@ -69,6 +69,8 @@ void Maplet::clear() noexcept {
   stamp = {};
   keyframes.clear();
   planes.clear();
+  up.setZero();
+  complete = true;
   cells.fill(0);
   cells_used = 0;
 }

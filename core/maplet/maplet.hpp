@@ -87,7 +87,10 @@ struct Maplet {
   double cell_m = 0.05;                                         ///< width of a level 0 cell
   StaticVector<MapletKeyframe, kMaxMapletKeyframes> keyframes;  ///< [0] is the origin
   StaticVector<MapletPlane, kMaxMapletPlanes> planes;           ///< the largest first
-  std::uint32_t cells_used = 0;                                 ///< bits
+  /// Unit vector against gravity, maplet's frame; zero: not known.
+  Eigen::Vector3d up = Eigen::Vector3d::Zero();
+  bool complete = true;          ///< false: decoded from its coarse layers only
+  std::uint32_t cells_used = 0;  ///< bits
   std::array<std::uint64_t, kMaxMapletCells / 64> cells{};
 
   [[nodiscard]] bool cell(const CellGrid& grid, int column, int row) const noexcept {
@@ -99,6 +102,11 @@ struct Maplet {
     const std::uint32_t bit = grid.first_bit + static_cast<std::uint32_t>(row) * grid.columns +
                               static_cast<std::uint32_t>(column);
     cells[bit / 64] |= std::uint64_t{1} << (bit % 64);
+  }
+  void clear_cell(const CellGrid& grid, int column, int row) noexcept {
+    const std::uint32_t bit = grid.first_bit + static_cast<std::uint32_t>(row) * grid.columns +
+                              static_cast<std::uint32_t>(column);
+    cells[bit / 64] &= ~(std::uint64_t{1} << (bit % 64));
   }
   [[nodiscard]] double cell_m_of(const CellGrid& grid) const noexcept {
     return cell_m * (1 << grid.level);

@@ -8,7 +8,7 @@
 #include "core/registration/verdict.hpp"
 #include "tests/fuzz/fuzz.hpp"
 
-// A maplet from anybody: decoded, written again, registered against itself. Size and checksum are
+// A maplet from anybody: decoded, written again, registered against itself. Size and checksums are
 // mended first, or no input would get past them.
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace maplet;
@@ -20,8 +20,9 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const auto put = [&](std::size_t at, std::uint32_t value) {
     for (std::size_t i = 0; i < 4; ++i) bytes[at + i] = static_cast<std::byte>(value >> (8 * i));
   };
-  put(codec::kHeaderBytes - 4, static_cast<std::uint32_t>(size));
-  put(size - 4, crc32c(std::span{bytes}.first(size - 4)));
+  put(28, static_cast<std::uint32_t>(size));
+  const auto ends = layer_ends(bytes);
+  for (const std::size_t end : ends) put(end - 4, crc32c(std::span{bytes}.first(end - 4)));
   if (!decode(bytes, *maplet)) return 0;
 
   fuzz::require(!maplet->keyframes.empty(), "a maplet has an origin");
@@ -29,6 +30,11 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
     fuzz::require(p.centre.allFinite() && p.covariance.allFinite(), "its planes are finite");
     fuzz::require(p.grid.first_bit + std::size_t{p.grid.columns} * p.grid.rows <= kMaxMapletCells,
                   "its cells are inside");
+  }
+  // Each run of whole layers is a maplet, too.
+  static const auto coarse = std::make_unique<Maplet>();
+  for (const std::size_t end : ends) {
+    fuzz::require(decode(std::span{bytes}.first(end), *coarse) || end != size, "all layers decode");
   }
   static const auto verifier = std::make_unique<Verifier>(RegistrationConfig{});
   const Closure closure =

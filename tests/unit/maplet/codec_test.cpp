@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <memory>
 #include <random>
 #include <vector>
@@ -35,9 +36,37 @@ std::vector<std::byte> bytes_of(const Maplet& m) {
   return bytes;
 }
 
-void fix_checksum(std::vector<std::byte>& bytes) {
-  const std::uint32_t crc = crc32c(std::span{bytes}.first(bytes.size() - 4));
-  for (int i = 0; i < 4; ++i) bytes[bytes.size() - 4 + i] = static_cast<std::byte>(crc >> (8 * i));
+void fix_checksums(std::vector<std::byte>& bytes) {
+  for (const std::size_t end : layer_ends(bytes)) {
+    const std::uint32_t crc = crc32c(std::span{bytes}.first(end - 4));
+    for (std::size_t i = 0; i < 4; ++i) {
+      bytes[end - 4 + i] = static_cast<std::byte>(crc >> (8 * i));
+    }
+  }
+}
+
+// A building's worth of walls with holes: too much for the first layers.
+std::unique_ptr<Maplet> large_maplet() {
+  auto m = room_maplet();
+  std::mt19937 rng{5};
+  std::uniform_real_distribution<double> at{-4.0, 4.0};
+  std::uniform_real_distribution<double> half{0.1, 0.5};
+  for (int i = 0; i < 111; ++i) {
+    const Eigen::Quaterniond q = Se3::exp(test::normal_tangent(rng, 0.0, 1.5)).q;
+    test::add_wall(*m,
+                   {{at(rng), at(rng), at(rng)},
+                    q * Eigen::Vector3d{half(rng), 0, 0},
+                    q * Eigen::Vector3d{0, half(rng), 0}},
+                   {});
+  }
+  std::bernoulli_distribution hole{0.05};
+  for (MapletPlane& p : m->planes) {
+    for (int cell = 0; cell < p.grid.columns * p.grid.rows; ++cell) {
+      if (hole(rng)) m->clear_cell(p.grid, cell % p.grid.columns, cell / p.grid.columns);
+    }
+    m->measure_extent(p);
+  }
+  return m;
 }
 
 TEST(Codec, RoundTripStaysWithinItsBounds) {
@@ -102,11 +131,78 @@ TEST(Codec, EveryCellSurvives) {
   EXPECT_EQ(in->cells, out->cells);
 }
 
+TEST(Codec, AnyRunOfWholeLayersIsACoarserMaplet) {
+  const auto in = large_maplet();
+  const auto bytes = bytes_of(*in);
+  const auto ends = layer_ends(bytes);
+  ASSERT_EQ(ends.size(), 3U);
+  EXPECT_LE(ends[0], codec::kCoarseBytes);
+  EXPECT_GT(ends[0], codec::kCoarseBytes / 2);
+  EXPECT_LE(ends[1], codec::kMiddleBytes);
+  EXPECT_EQ(ends[2], bytes.size());
+  const auto whole = std::make_unique<Maplet>();
+  ASSERT_TRUE(decode(bytes, *whole));
+  EXPECT_TRUE(whole->complete);
+  EXPECT_EQ(whole->cells, in->cells);
+
+  const auto part = std::make_unique<Maplet>();
+  for (std::size_t layer = 0; layer + 1 < ends.size(); ++layer) {
+    const auto decoded = decode(std::span{bytes}.first(ends[layer]), *part);
+    ASSERT_TRUE(decoded) << decoded.error().what;
+    EXPECT_FALSE(part->complete);
+    EXPECT_EQ(part->key, whole->key);
+    ASSERT_GT(part->planes.size(), 10U);
+    for (std::size_t i = 0; i < part->planes.size(); ++i) {
+      const MapletPlane& p = part->planes[i];
+      EXPECT_EQ(p.plane.n, whole->planes[i].plane.n);
+      EXPECT_EQ(p.covariance, whole->planes[i].covariance);
+      // Coarse extents hold the exact ones and reach less than a block further.
+      std::uint32_t lost = 0;
+      for (int c = 0; c < p.grid.columns * p.grid.rows; ++c) {
+        const int column = c % p.grid.columns;
+        const int row = c / p.grid.columns;
+        lost += whole->cell(whole->planes[i].grid, column, row) && !part->cell(p.grid, column, row);
+      }
+      EXPECT_EQ(lost, 0U);
+      if (layer == 1) {
+        EXPECT_EQ(p.grid.occupied, whole->planes[i].grid.occupied);
+      }
+    }
+  }
+}
+
+TEST(Codec, SenderStopsAtItsBudget) {
+  const auto in = large_maplet();
+  const auto bytes = bytes_of(*in);
+  std::vector<std::byte> out(kMaxMapletBytes);
+  const auto m = std::make_unique<Maplet>();
+  for (const std::size_t budget : {1024U, 4096U, 15360U}) {
+    const auto size = encode(*in, budget, out);
+    ASSERT_TRUE(size) << budget;
+    EXPECT_LE(*size, budget);
+    EXPECT_EQ(*size, layers_within(bytes, budget));
+    EXPECT_TRUE(std::ranges::equal(std::span{out}.first(*size), std::span{bytes}.first(*size)));
+    EXPECT_TRUE(decode(std::span{out}.first(*size), *m));
+  }
+  EXPECT_EQ(encode(*in, 100, out).error().code, ErrorCode::kCapacity);
+  EXPECT_EQ(layers_within(std::span{bytes}.first(20), 4096), 0U);
+}
+
+TEST(Codec, UpIsCarriedWhenKnown) {
+  const auto in = room_maplet();
+  const auto out = std::make_unique<Maplet>();
+  ASSERT_TRUE(decode(bytes_of(*in), *out));
+  EXPECT_TRUE(out->up.isZero());
+  in->up = Eigen::Vector3d{0.1, -0.99, 0.05}.normalized();
+  ASSERT_TRUE(decode(bytes_of(*in), *out));
+  EXPECT_LT(out->up.cross(in->up).norm(), codec::kMaxNormalError_rad);
+}
+
 TEST(Codec, EmptyMapletIsSmall) {
   Maplet m;
   m.keyframes.push_back({});
   const auto bytes = bytes_of(m);
-  EXPECT_LE(bytes.size(), 48U);
+  EXPECT_LE(bytes.size(), 52U);
   const auto out = std::make_unique<Maplet>();
   EXPECT_TRUE(decode(bytes, *out));
   EXPECT_TRUE(out->planes.empty());
@@ -140,7 +236,7 @@ TEST(Codec, EveryCutAndEveryFlippedBitIsNoticed) {
 TEST(Codec, NewerVersionIsNamedAsSuch) {
   auto bytes = bytes_of(*room_maplet());
   bytes[4] = std::byte{9};
-  fix_checksum(bytes);
+  fix_checksums(bytes);
   const auto m = std::make_unique<Maplet>();
   const auto result = decode(bytes, *m);
   ASSERT_FALSE(result);
@@ -159,7 +255,7 @@ TEST(Codec, HostileBytesStayInBounds) {
       bad[5 + rng() % (bad.size() - 9)] = static_cast<std::byte>(rng());
     }
     if (i % 7 == 0) bad.resize(40 + rng() % 400);
-    fix_checksum(bad);
+    fix_checksums(bad);
     if (!decode(bad, *m)) continue;
     ++accepted;
     for (const MapletPlane& p : m->planes) {
