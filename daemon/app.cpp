@@ -96,6 +96,7 @@ App::App(const Options& options, const Config& config)
       agent_{arena_.make<Agent>("agent", config.agent, identity_, meters_, records_, arena_)},
       pacer_{pace_of(options, config)},
       start_{monotonic_.now()} {
+  if (options.dds) radio_ = std::make_unique<RadioLink>(config, identity_, arena_);
   if (!arena_.seal(true)) log_warning("memory is not locked: grant LimitMEMLOCK (ulimit -l)");
 }
 
@@ -127,14 +128,19 @@ int App::open() {
     }
     output_ = std::move(*output);
   }
+  open_console();
   if (options_.dds) {
-    const auto missing = output_ ? DdsPublisher::Missing::kFail : DdsPublisher::Missing::kWait;
-    auto publisher = DdsPublisher::start(config_.dds, options_.agent, missing);
+    // A loopback that is down is no reason not to map: the radio may still work.
+    auto publisher = DdsPublisher::start(config_.dds, options_.agent, DdsPublisher::Missing::kWait);
     if (!publisher) {
       log_error(publisher.error().what);
       return kExitFailure;
     }
     publisher_ = std::move(*publisher);
+    if (const auto failure = radio_->start(output_ == nullptr)) {
+      log_error(failure->what);
+      return kExitFailure;
+    }
   }
   return open_source();
 }
@@ -162,6 +168,7 @@ int App::open_source() {
     publish_status(StatusRecord::State::kWaitingForCamera);
     for (int i = 0; i < 10; ++i) {
       if (stop_asked) return kExitDone;
+      listen();
       std::this_thread::sleep_for(std::chrono::milliseconds{100});
     }
   }
@@ -173,6 +180,7 @@ bool App::loop() {
     DepthFrame frame;
     switch (read(frame)) {
       case Read::kEnd:
+        if (!output_) rest();
         return true;
       case Read::kFailed:
         if (output_ || open_source() != kExitDone) return false;
@@ -228,6 +236,7 @@ void App::process(const DepthFrame& frame) {
   totals_.add(step);
   if (output_) output_->frame(step);
   hand_out(step.closed);
+  listen();
   if (monotonic_.now() - last_status_ >= std::chrono::seconds{1}) {
     publish_status(StatusRecord::State::kRunning);
   }
@@ -249,6 +258,7 @@ void App::hand_out(const MapletCut* closed) {
   if (closed != nullptr) {
     if (output_) output_->maplet(*closed);
     publish(record_of(*closed));
+    if (radio_) (void)radio_->publish(closed->maplet.key, closed->bytes, 0.5F);
   }
   for (const DeltaPoseRecord& record : records_.pending()) {
     totals_.add(record.kind);
@@ -257,8 +267,45 @@ void App::hand_out(const MapletCut* closed) {
       output_->delta_pose({line.data(), line.size()});
     }
     publish(record);
+    if (radio_) (void)radio_->publish(record);
   }
   records_.clear_pending();
+}
+
+void App::open_console() {
+  if (config_.control.socket == "none") return;
+  console_ = std::make_unique<Console>(identity_, radio_.get());
+  if (const std::string problem = console_->open(config_.control.socket); !problem.empty()) {
+    log_warning(problem);
+    console_.reset();
+  }
+}
+
+void App::listen() {
+  if (console_) console_->attend(*agent_, Deadline::never());
+  if (!radio_) return;
+  constexpr int kAtOnce = 16;
+  radio_->set_record_clock(last_stamp_);
+  const StageScope scope{meters_, Stage::kExchange, config_.agent.frame.budget};
+  const Deadline deadline{pacer_.clock(), config_.agent.frame.budget};
+  DeltaPoseRecord record;
+  for (int i = 0; i < kAtOnce && radio_->heard(record); ++i) {
+    (void)agent_->hear(restore(record), deadline);
+  }
+}
+
+void App::rest() {
+  if (const MapletCut* closed = agent_->finish(Deadline::never())) {
+    totals_.add(*closed);
+    hand_out(closed);
+  }
+  log_info(config_.input.source + " is over: exchanging until stopped");
+  notify_status("recording over");
+  while (!stop_asked) {
+    listen();
+    if (monotonic_.now() - last_status_ >= 1s) publish_status(StatusRecord::State::kRunning);
+    std::this_thread::sleep_for(50ms);
+  }
 }
 
 int App::finish() {
@@ -267,6 +314,7 @@ int App::finish() {
     hand_out(closed);
   }
   publish_status(StatusRecord::State::kStopping);
+  if (radio_ && output_) radio_->linger(config_.exchange.linger, [this] { listen(); });
   if (publisher_ && !publisher_->flush(kFlushTime)) {
     log_warning("a subscriber did not take everything in time");
   }
@@ -285,7 +333,13 @@ int App::finish() {
 
 void App::publish_status(StatusRecord::State state) {
   last_status_ = monotonic_.now();
-  if (!publisher_) return;
+  if (!publisher_ && !console_) return;
+  const StatusRecord record = status(state);
+  if (console_) console_->note(record, agent_->skeleton(), !radio_ || radio_->settled());
+  if (publisher_) (void)publisher_->publish(record);
+}
+
+StatusRecord App::status(StatusRecord::State state) const {
   StatusRecord status;
   status.agent = identity_.agent;
   status.epoch = identity_.epoch;
@@ -304,12 +358,13 @@ void App::publish_status(StatusRecord::State state) {
   status.closures = totals_.closures;
   status.nodes = static_cast<std::uint32_t>(agent_->skeleton().node_count());
   status.factors = static_cast<std::uint32_t>(agent_->skeleton().factor_count());
-  status.messages_dropped = static_cast<std::uint32_t>(publisher_->counters().dropped);
+  status.messages_dropped =
+      publisher_ ? static_cast<std::uint32_t>(publisher_->counters().dropped) : 0;
   status.arena_bytes = arena_.used_bytes();
   status.rss_bytes = peak_rss_bytes();
   for (std::size_t i = 0; i < kStages; ++i)
     status.stages[i] = meters_.summary(static_cast<Stage>(i));
-  (void)publisher_->publish(status);
+  return status;
 }
 
 bool App::draw() {

@@ -9,9 +9,11 @@
 #include "core/base/arena.hpp"
 #include "core/ports/depth_source.hpp"
 #include "daemon/config.hpp"
+#include "daemon/console.hpp"
 #include "daemon/options.hpp"
 #include "daemon/own_records.hpp"
 #include "daemon/pacer.hpp"
+#include "daemon/radio_link.hpp"
 #include "daemon/run_output.hpp"
 #include "daemon/run_totals.hpp"
 #include "daemon/stage_stats.hpp"
@@ -47,9 +49,13 @@ class App {
   [[nodiscard]] Read read(DepthFrame& frame);
   void process(const DepthFrame& frame);
   void hand_out(const MapletCut* closed);
+  void listen();        // to what others found out
+  void open_console();  // for mapletctl; does without it
+  void rest();          // the service has nothing to see: it goes on exchanging
   template <class Record>
   void publish(const Record& record);
   void say_detail();  // what the source had to skip, once
+  [[nodiscard]] StatusRecord status(StatusRecord::State state) const;
   void publish_status(StatusRecord::State state);
 
   // The end of a finite run.
@@ -69,6 +75,8 @@ class App {
   std::unique_ptr<DepthSource> source_;
   std::unique_ptr<RunOutput> output_;
   std::unique_ptr<DdsPublisher> publisher_;
+  std::unique_ptr<RadioLink> radio_;
+  std::unique_ptr<Console> console_;  ///< asks the radio: ends before it
   MonotonicClock monotonic_;
   Instant start_;
   Instant last_status_{};

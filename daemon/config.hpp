@@ -6,6 +6,8 @@
 #include "core/agent/agent_config.hpp"
 #include "core/base/field.hpp"
 #include "transport/dds/config.hpp"
+#include "transport/dds/radio_config.hpp"
+#include "transport/sync/sync_config.hpp"
 
 namespace maplet::daemon {
 
@@ -70,12 +72,26 @@ struct BodyConfig {
   };
 };
 
+/// Who may ask the running daemon.
+struct ControlConfig {
+  std::string socket;
+
+  static constexpr Field<ControlConfig> kFields[] = {
+      {"socket", &ControlConfig::socket, 0, 0,
+       "Unix socket for mapletctl; empty = agent-N.sock in $RUNTIME_DIRECTORY, /run/mapletd, "
+       "$XDG_RUNTIME_DIR/mapletd or /tmp/mapletd-UID, none = no socket"},
+  };
+};
+
 struct Config {
   InputConfig input;
   CameraConfig camera;
   BodyConfig body;
   AgentConfig agent;
   DdsConfig dds;
+  RadioConfig radio;
+  SyncConfig exchange;
+  ControlConfig control;
 };
 
 }  // namespace maplet::daemon

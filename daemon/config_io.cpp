@@ -105,10 +105,20 @@ struct DurationValue {
 
 struct StringValue {
   static bool set(std::string& out, const toml::node& node, const auto& field) {
-    const auto value = node.value_exact<std::string>();
+    const auto value = node.is_array() ? joined(*node.as_array()) : node.value_exact<std::string>();
     if (!value || !is_choice(field.choices, *value)) return false;
     out = *value;
     return true;
+  }
+  /// Several words may be written as a list.
+  static std::optional<std::string> joined(const toml::array& list) {
+    std::string all;
+    for (const toml::node& item : list) {
+      const auto word = item.value_exact<std::string>();
+      if (!word) return {};
+      all += (all.empty() ? "" : ",") + *word;
+    }
+    return all;
   }
   static std::string print(const std::string& value, const auto&) {
     std::ostringstream text;
@@ -200,6 +210,9 @@ const std::vector<Key>& all_keys() {
     MAPLET_SECTION("skeleton", agent.skeleton);
     MAPLET_SECTION("limits", agent.limits);
     MAPLET_SECTION("dds", dds);
+    MAPLET_SECTION("dds", radio);
+    MAPLET_SECTION("exchange", exchange);
+    MAPLET_SECTION("control", control);
     return keys;
   }();
   return all;

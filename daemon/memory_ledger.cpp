@@ -5,6 +5,7 @@
 
 #include "core/agent/agent.hpp"
 #include "daemon/own_records.hpp"
+#include "daemon/radio_link.hpp"
 #include "daemon/stage_stats.hpp"
 
 namespace maplet::daemon {
@@ -15,6 +16,7 @@ std::string memory_ledger(const Config& config) {
   OwnRecords records{{}};
   const auto agent =
       arena.make<Agent>("agent", config.agent, AgentIdentity{}, *meters, records, arena);
+  const RadioLink radio{config, {}, arena};
   std::string text = fmt::format("{:<40} {:>10} {:>14}\n", "component", "count", "bytes");
   for (const ArenaEntry& entry : arena.ledger()) {
     text += fmt::format("{:<40} {:>10} {:>14}\n", entry.component, entry.count, entry.bytes);

@@ -54,13 +54,18 @@ std::vector<FrameRecord> read_frames(const std::filesystem::path& path) {
 
 std::string maplet_name(std::uint32_t id) { return fmt::format("maplets/{:04}.maplet", id); }
 
-/// T_world_camera of every keyframe, by stamp: from the first maplet that holds it.
+bool is_own(const MapletKey& key, const AgentIdentity& self) {
+  return key.agent == self.agent && key.epoch == self.epoch;
+}
+
+/// T_world_camera of every own keyframe, by stamp: from the first maplet that holds it.
 std::map<std::int64_t, Se3> keyframe_poses(const std::filesystem::path& folder,
-                                           const Skeleton& skeleton) {
+                                           const Skeleton& skeleton, const AgentIdentity& self) {
   std::map<std::int64_t, Se3> poses;
   const auto maplet = std::make_unique<Maplet>();
   for (int i = 0; i < skeleton.node_count(); ++i) {
     const Skeleton::NodeView node = skeleton.node(i);
+    if (!is_own(node.key, self)) continue;
     std::ifstream file{folder / maplet_name(node.key.id), std::ios::binary};
     const std::string bytes{std::istreambuf_iterator<char>{file}, {}};
     if (!decode(std::as_bytes(std::span{bytes}), *maplet)) continue;
@@ -93,17 +98,43 @@ std::string g2o_pose(const Se3& T) {
   return fmt::format("{} {} {} {} {} {} {}", v[0], v[1], v[2], v[3], v[4], v[5], v[6]);
 }
 
+/// Vertices of a g2o file: own maplets have their number; those of others begin a million higher
+/// for each of their lives, in order of life.
+class VertexIds {
+ public:
+  VertexIds(const Skeleton& skeleton, const AgentIdentity& self) : self_{self} {
+    for (int i = 0; i < skeleton.node_count(); ++i) {
+      const MapletKey key = skeleton.node(i).key;
+      if (!is_own(key, self)) first_[{key.agent, key.epoch}] = 0;
+    }
+    std::uint64_t next = 0;
+    for (auto& [life, first] : first_) first = next += 1'000'000;
+  }
+  [[nodiscard]] std::uint64_t of(const MapletKey& key) const {
+    return is_own(key, self_) ? key.id : first_.at({key.agent, key.epoch}) + key.id;
+  }
+
+ private:
+  AgentIdentity self_;
+  std::map<std::pair<std::uint16_t, std::uint32_t>, std::uint64_t> first_;
+};
+
 /// skeleton.g2o. Its tangent is (t, q.vec) and q.vec = theta / 2 (docs/frames.md).
-void write_g2o(OutputFile& file, const Skeleton& skeleton) {
+void write_g2o(OutputFile& file, const Skeleton& skeleton, const AgentIdentity& self) {
+  const VertexIds ids{skeleton, self};
   for (int i = 0; i < skeleton.node_count(); ++i) {
     const Skeleton::NodeView node = skeleton.node(i);
-    file.append(fmt::format("VERTEX_SE3:QUAT {} {}\n", node.key.id, g2o_pose(node.T_world_maplet)));
+    file.append(
+        fmt::format("VERTEX_SE3:QUAT {} {}\n", ids.of(node.key), g2o_pose(node.T_world_maplet)));
   }
-  if (skeleton.node_count() > 0) file.append(fmt::format("FIX {}\n", skeleton.node(0).key.id));
+  for (int i = 0; i < skeleton.node_count(); ++i) {  // each group stands on its own
+    const Skeleton::NodeView node = skeleton.node(i);
+    if (node.key == node.gauge) file.append(fmt::format("FIX {}\n", ids.of(node.key)));
+  }
   for (int i = 0; i < skeleton.factor_count(); ++i) {
     const Skeleton::FactorView factor = skeleton.factor(i);
-    file.append(
-        fmt::format("EDGE_SE3:QUAT {} {} {}", factor.a.id, factor.b.id, g2o_pose(factor.T_a_b)));
+    file.append(fmt::format("EDGE_SE3:QUAT {} {} {}", ids.of(factor.a), ids.of(factor.b),
+                            g2o_pose(factor.T_a_b)));
     for (int row = 0; row < 6; ++row) {
       for (int column = row; column < 6; ++column) {
         const double scale = (row < 3 ? 1.0 : 2.0) * (column < 3 ? 1.0 : 2.0);
@@ -180,12 +211,13 @@ tl::expected<void, std::string> RunOutput::finish(const Agent& agent) {
   const std::filesystem::path frames_path = folder_ / kFramesFile;
   OutputFile trajectory;
   trajectory.open((folder_ / "trajectory.tum").c_str());
-  write_trajectory(trajectory, read_frames(frames_path), keyframe_poses(folder_, agent.skeleton()));
+  write_trajectory(trajectory, read_frames(frames_path),
+                   keyframe_poses(folder_, agent.skeleton(), agent.identity()));
   trajectory.close();
   note(trajectory);
   OutputFile skeleton;
   skeleton.open((folder_ / "skeleton.g2o").c_str());
-  write_g2o(skeleton, agent.skeleton());
+  write_g2o(skeleton, agent.skeleton(), agent.identity());
   skeleton.close();
   note(skeleton);
   std::error_code ignored;

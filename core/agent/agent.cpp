@@ -15,7 +15,8 @@ Duration share_of(const FrameConfig& frame, double share) noexcept {
 
 Agent::Agent(const AgentConfig& config, AgentIdentity identity, StageMeter& meter,
              RecordSink& records, Arena& arena)
-    : budget_{share_of(config.frame, config.frame.patches_share),
+    : identity_{identity},
+      budget_{share_of(config.frame, config.frame.patches_share),
               share_of(config.frame, config.frame.odometry_share),
               share_of(config.frame, config.frame.maplet_share),
               share_of(config.frame, config.frame.registration_share),
@@ -56,6 +57,11 @@ const MapletCut* Agent::finish(Deadline deadline) noexcept {
   const MapletCut* closed = builder_.finish();
   if (closed != nullptr) take(*closed, deadline);
   return closed;
+}
+
+Added Agent::hear(const DeltaPose& record, Deadline deadline) noexcept {
+  return timed(Stage::kSkeleton, budget_.skeleton, deadline,
+               [&](Deadline until) { return skeleton_.add(record, until); });
 }
 
 void Agent::take(const MapletCut& closed, Deadline deadline) noexcept {

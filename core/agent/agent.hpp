@@ -51,6 +51,10 @@ class Agent {
   /// @return it, or nullptr when there is nothing new
   const MapletCut* finish(Deadline deadline) noexcept;
 
+  /// Takes in what another agent found out: its delta-pose or closure, as everybody reads it.
+  Added hear(const DeltaPose& record, Deadline deadline) noexcept;
+
+  [[nodiscard]] const AgentIdentity& identity() const noexcept { return identity_; }
   [[nodiscard]] const Skeleton& skeleton() const noexcept { return skeleton_; }
   [[nodiscard]] const MapletStore& maplets() const noexcept { return store_; }
 
@@ -68,6 +72,7 @@ class Agent {
   void take(const MapletCut& closed, Deadline deadline) noexcept;
   void close_loops(const Maplet& newest, Deadline deadline) noexcept;
 
+  AgentIdentity identity_;
   Budget budget_;
   StageMeter& meter_;
   RecordSink& records_;

@@ -34,8 +34,10 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const SyncConfig config{.max_lives = 8, .records_kept = 64, .ranges_kept = 16, .maplets_kept = 8};
   Arena arena{std::size_t{1} << 24};
   Taker taker;
-  const auto a = std::make_unique<Node>(config, wifi_profile(), 4096, Life{1, 1}, taker, arena);
-  const auto b = std::make_unique<Node>(config, radio_profile(), 4096, Life{2, 2}, taker, arena);
+  const auto a =
+      std::make_unique<ExchangeNode>(config, wifi_profile(), 4096, Life{1, 1}, taker, arena);
+  const auto b =
+      std::make_unique<ExchangeNode>(config, radio_profile(), 4096, Life{2, 2}, taker, arena);
   Instant now{std::chrono::hours{1}};
   for (std::size_t at = 0; at + 2 <= size;) {
     const std::size_t length =

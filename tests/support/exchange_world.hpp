@@ -64,7 +64,7 @@ struct Robot {
 
   Arena arena{std::size_t{1} << 28};
   Collector taker;
-  Node node;
+  ExchangeNode node;
   ByteBudget budget;
   Life life;
   std::size_t datagram_bytes;
@@ -161,7 +161,7 @@ class World {
 
   void send(Robot& robot) {
     while (robot.budget.allows(robot.datagram_bytes + kWireOverhead, now)) {
-      const Node::Outgoing out = robot.node.next(now);
+      const ExchangeNode::Outgoing out = robot.node.next(now);
       if (out.bytes.empty()) return;
       const std::size_t wire = out.bytes.size() + kWireOverhead;
       robot.budget.charge(wire, now);

@@ -17,6 +17,7 @@ class Failure : public std::runtime_error {
 };
 
 // Each command lives in a file of its own and adds itself to the command line.
+void add_daemon_commands(CLI::App& app);
 void add_draw(CLI::App& app);
 void add_eval(CLI::App& app);
 void add_export(CLI::App& app);

@@ -8,6 +8,7 @@ int main(int argc, char** argv) {
   using namespace maplet::ctl;
   CLI::App app{"mapletctl: looks at recordings, maplets, skeletons and a running mapletd"};
   app.require_subcommand(1);
+  add_daemon_commands(app);
   add_draw(app);
   add_eval(app);
   add_export(app);

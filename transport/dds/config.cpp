@@ -14,7 +14,9 @@ constexpr int kStackKib = 1024;
 constexpr int kStackKib = 128;
 #endif
 
-std::string escaped(std::string_view text) {
+}  // namespace
+
+std::string xml_escaped(std::string_view text) {
   std::string out;
   for (const char c : text) {
     switch (c) {
@@ -37,21 +39,23 @@ std::string escaped(std::string_view text) {
   return out;
 }
 
-}  // namespace
-
-std::string cyclone_xml(const DdsConfig& config, int participant_index, bool multicast) {
-  std::string peers;
-  if (config.interface == "lo") peers += "<Peer Address=\"127.0.0.1\"/>";
-  for (const auto& peer : config.peers) {
-    peers += fmt::format("<Peer Address=\"{}\"/>", escaped(peer));
-  }
-  if (!peers.empty()) peers = "<Peers>" + peers + "</Peers>";
-
+std::string cyclone_threads_xml() {
   std::string threads;
   for (const char* name : {"recv", "tev", "dq.user", "dq.builtins", "gc"}) {
     threads +=
         fmt::format("<Thread Name=\"{}\"><StackSize>{}KiB</StackSize></Thread>", name, kStackKib);
   }
+  return "<Threads>" + threads + "</Threads>";
+}
+
+std::string cyclone_xml(const DdsConfig& config, int participant_index, bool multicast) {
+  std::string peers;
+  if (config.interface == "lo") peers += "<Peer Address=\"127.0.0.1\"/>";
+  for (const auto& peer : config.peers) {
+    peers += fmt::format("<Peer Address=\"{}\"/>", xml_escaped(peer));
+  }
+  if (!peers.empty()) peers = "<Peers>" + peers + "</Peers>";
+
   // Multicast only finds others: data goes to each by unicast, so nobody else is woken. One receive
   // thread: with more, deleting a participant whose interface is gone never returns.
   return fmt::format(
@@ -70,10 +74,10 @@ std::string cyclone_xml(const DdsConfig& config, int participant_index, bool mul
       "<WriterLingerDuration>200ms</WriterLingerDuration></Internal>"
       "<Sizing><ReceiveBufferSize>256KiB</ReceiveBufferSize>"
       "<ReceiveBufferChunkSize>64KiB</ReceiveBufferChunkSize></Sizing>"
-      "<Threads>{}</Threads>"
+      "{}"
       "</Domain></CycloneDDS>",
-      escaped(config.interface), multicast ? "true" : "default", multicast ? "spdp" : "false",
-      participant_index, kParticipantIndices - 1, peers, threads);
+      xml_escaped(config.interface), multicast ? "true" : "default", multicast ? "spdp" : "false",
+      participant_index, kParticipantIndices - 1, peers, cyclone_threads_xml());
 }
 
 }  // namespace maplet

@@ -12,14 +12,13 @@ namespace maplet {
 /// The local domain: programs on the robot and `mapletctl watch`.
 struct DdsConfig {
   int domain = 0;
-  std::string interface = "lo";
+  std::string interface = "lo";    ///< not a key: the local domain never leaves the robot
   std::vector<std::string> peers;  ///< addresses to look for others at; lo has its own
   int delta_pose_history = 1024;
   int maplet_history = 32;
 
   static constexpr Field<DdsConfig> kFields[] = {
       {"domain", &DdsConfig::domain, 0, 230, "DDS domain of the programs on this robot"},
-      {"interface", &DdsConfig::interface, 0, 0, "Network interface of that domain"},
       {"delta_pose_history", &DdsConfig::delta_pose_history, 1, 16384,
        "Delta-poses of each agent that a late subscriber still gets"},
       {"maplet_history", &DdsConfig::maplet_history, 1, 256,
@@ -37,6 +36,11 @@ inline constexpr int kDaemonIndices = 32;
 inline constexpr int kWatcherIndices = 32;
 inline constexpr int kParticipantIndices = kDaemonIndices + kWatcherIndices;
 static_assert(kParticipantIndices <= 120, "ports of the next domain begin there");
+
+/// Text for between two tags.
+[[nodiscard]] std::string xml_escaped(std::string_view text);
+/// <Threads> with bounded stacks.
+[[nodiscard]] std::string cyclone_threads_xml();
 
 /// Cyclone's configuration. docs/memory.md says what its bounds add up to.
 [[nodiscard]] std::string cyclone_xml(const DdsConfig& config, int participant_index,

@@ -68,10 +68,10 @@ tl::unexpected<DdsFailure> failed(ErrorCode code, std::string what) {
 }
 
 /// @return domain and participant, negative when Cyclone refused
-std::pair<dds_entity_t, dds_entity_t> create(const DdsConfig& config, int index, bool multicast) {
+std::pair<dds_entity_t, dds_entity_t> create(int domain_id, const std::string& xml) {
   const SignalsBlocked quiet;  // Cyclone's threads inherit the mask
-  const auto id = static_cast<dds_domainid_t>(config.domain);
-  const dds_entity_t domain = dds_create_domain(id, cyclone_xml(config, index, multicast).c_str());
+  const auto id = static_cast<dds_domainid_t>(domain_id);
+  const dds_entity_t domain = dds_create_domain(id, xml.c_str());
   if (domain < 0) return {domain, domain};
   const dds_entity_t participant = dds_create_participant(id, nullptr, nullptr);
   if (participant < 0) dds_delete(domain);
@@ -104,20 +104,25 @@ std::optional<std::string> interface_problem(const std::string& interface) {
 }
 
 tl::expected<DdsDomain, DdsFailure> DdsDomain::open(const DdsConfig& config, Role role, int agent) {
-  if (auto problem = interface_problem(config.interface)) {
+  const bool daemon = role == Role::kDaemon;
+  const int count = daemon ? kDaemonIndices : kWatcherIndices;
+  return open({config.domain, config.interface, daemon ? 0 : kDaemonIndices, count,
+               daemon ? agent % count : 0,
+               [&](int index, bool multicast) { return cyclone_xml(config, index, multicast); }});
+}
+
+tl::expected<DdsDomain, DdsFailure> DdsDomain::open(const Choice& choice) {
+  if (auto problem = interface_problem(choice.interface)) {
     return failed(ErrorCode::kDevice, std::move(*problem));
   }
-  const int first = role == Role::kDaemon ? 0 : kDaemonIndices;
-  const int count = role == Role::kDaemon ? kDaemonIndices : kWatcherIndices;
-  const int wanted = role == Role::kDaemon ? agent % count : 0;
   const LogTap log;
   int refused = 0;
-  for (int i = 0; i < count && refused < 3; ++i) {
-    const int index = first + (wanted + i) % count;
-    if (!port_is_free(config.domain, index)) continue;
+  for (int i = 0; i < choice.count && refused < 3; ++i) {
+    const int index = choice.first + (choice.wanted + i) % choice.count;
+    if (!port_is_free(choice.domain, index)) continue;
     // Where an interface cannot do multicast, unicast to the known indices is enough.
     for (const bool multicast : {true, false}) {
-      const auto [domain, participant] = create(config, index, multicast);
+      const auto [domain, participant] = create(choice.domain, choice.xml(index, multicast));
       if (participant >= 0) return DdsDomain{domain, participant, index};
     }
     ++refused;  // perhaps somebody took the port in between
@@ -126,11 +131,11 @@ tl::expected<DdsDomain, DdsFailure> DdsDomain::open(const DdsConfig& config, Rol
     return failed(ErrorCode::kCapacity,
                   fmt::format("all {} DDS participant indices of domain {} are taken on this host: "
                               "stop some, or choose another dds.domain",
-                              count, config.domain));
+                              choice.count, choice.domain));
   }
   return failed(ErrorCode::kIo,
                 fmt::format("Cyclone DDS refuses domain {} on '{}' ({}): check dds.* and dds.peers",
-                            config.domain, config.interface, log.complaint()));
+                            choice.domain, choice.interface, log.complaint()));
 }
 
 DdsDomain::DdsDomain(DdsDomain&& other) noexcept

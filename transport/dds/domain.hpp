@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 
@@ -27,6 +28,17 @@ class DdsDomain {
   /// @param agent  of a daemon: its participant index follows it
   [[nodiscard]] static tl::expected<DdsDomain, DdsFailure> open(const DdsConfig& config, Role role,
                                                                 int agent = 0);
+
+  /// Which of several participant indices to take, and what to configure with it.
+  struct Choice {
+    int domain = 0;
+    std::string interface;
+    int first = 0;
+    int count = 1;
+    int wanted = 0;  ///< counted from `first`: the first to be tried
+    std::function<std::string(int index, bool multicast)> xml;
+  };
+  [[nodiscard]] static tl::expected<DdsDomain, DdsFailure> open(const Choice& choice);
   DdsDomain(DdsDomain&& other) noexcept;
   DdsDomain& operator=(DdsDomain&&) = delete;
   ~DdsDomain();

@@ -22,8 +22,8 @@ MapletTrade::Config trade_config(const SyncConfig& config, const LinkProfile& pr
 
 }  // namespace
 
-Node::Node(const SyncConfig& config, const LinkProfile& profile, std::size_t maplet_bytes,
-           Life self, RecordTaker& taker, Arena& arena)
+ExchangeNode::ExchangeNode(const SyncConfig& config, const LinkProfile& profile,
+                           std::size_t maplet_bytes, Life self, RecordTaker& taker, Arena& arena)
     : config_{config},
       profile_{profile},
       self_{self},
@@ -36,7 +36,7 @@ Node::Node(const SyncConfig& config, const LinkProfile& profile, std::size_t map
       calm_{profile.quick},
       random_{(std::uint64_t{self.agent} << 32 | self.epoch) | 1U} {}
 
-Duration Node::jitter(Duration most) noexcept {
+Duration ExchangeNode::jitter(Duration most) noexcept {
   random_ ^= random_ << 13;
   random_ ^= random_ >> 7;
   random_ ^= random_ << 17;
@@ -44,7 +44,7 @@ Duration Node::jitter(Duration most) noexcept {
       random_ % static_cast<std::uint64_t>(std::max<Duration::rep>(most.count(), 1)))};
 }
 
-bool Node::put(const DeltaPoseRecord& record, Instant now) noexcept {
+bool ExchangeNode::put(const DeltaPoseRecord& record, Instant now) noexcept {
   if (Life{record.key.agent, record.key.epoch} != self_) return false;
   if (ledger_.insert(record.key) != Insert::kNew) return false;
   delta_poses_.put(record);
@@ -54,7 +54,7 @@ bool Node::put(const DeltaPoseRecord& record, Instant now) noexcept {
   return true;
 }
 
-bool Node::put(const RangeRecord& record, Instant now) noexcept {
+bool ExchangeNode::put(const RangeRecord& record, Instant now) noexcept {
   if (Life{record.key.agent, record.key.epoch} != self_) return false;
   if (ledger_.insert(record.key) != Insert::kNew) return false;
   ranges_.put(record);
@@ -64,8 +64,8 @@ bool Node::put(const RangeRecord& record, Instant now) noexcept {
   return true;
 }
 
-bool Node::put(const MapletKey& key, std::span<const std::byte> bytes, float saliency,
-               Instant now) noexcept {
+bool ExchangeNode::put(const MapletKey& key, std::span<const std::byte> bytes, float saliency,
+                       Instant now) noexcept {
   const auto steps = static_cast<std::uint8_t>(std::clamp(saliency, 0.0F, 1.0F) * 255.0F);
   if (!trade_.keep(key, bytes, steps)) return false;
   (void)ledger_.insert({key.agent, key.epoch, Stream::kMaplets, key.id});
@@ -73,30 +73,32 @@ bool Node::put(const MapletKey& key, std::span<const std::byte> bytes, float sal
   return true;
 }
 
-void Node::wake(Instant now) noexcept {
+void ExchangeNode::wake(Instant now) noexcept {
   changed(now);
   say_by(now + jitter(profile_.quick / 2));
 }
 
-bool Node::recent_peer_behind(Instant now, Duration age) const noexcept {
+bool ExchangeNode::recent_peer_behind(Instant now, Duration age) const noexcept {
   return std::ranges::any_of(peers_.all(), [&](const Peer& peer) {
     return !peer.superseded && now - peer.last_heard < age && !in_sync(peer);
   });
 }
 
-bool Node::all_in_sync(Instant now) const noexcept { return !recent_peer_behind(now, kAlive); }
+bool ExchangeNode::all_in_sync(Instant now) const noexcept {
+  return !recent_peer_behind(now, kAlive);
+}
 
-bool Node::settled(Instant now) const noexcept {
+bool ExchangeNode::settled(Instant now) const noexcept {
   return all_in_sync(now) && wants_.empty() &&
          std::ranges::all_of(owed_, [](const Ranges& owed) { return owed.empty(); });
 }
 
-bool Node::trading(Instant now) noexcept {
+bool ExchangeNode::trading(Instant now) noexcept {
   return trade_.owes() || trade_.offers() || trade_.wants(taker_, now);
 }
 
 /// Quick while something is unconfirmed and news; else ever slower.
-Duration Node::interval(Instant now) noexcept {
+Duration ExchangeNode::interval(Instant now) noexcept {
   const bool fresh = now - changed_at_ < kFresh;
   if (fresh && recent_peer_behind(now, kNear)) return profile_.quick;
   if (fresh && recent_peer_behind(now, kAlive)) return 4 * profile_.quick;
@@ -104,11 +106,11 @@ Duration Node::interval(Instant now) noexcept {
   return calm_;
 }
 
-bool Node::requests_due(Instant now) const noexcept {
+bool ExchangeNode::requests_due(Instant now) const noexcept {
   return std::ranges::any_of(wants_, [&](const Want& want) { return now >= want.due; });
 }
 
-Instant Node::due() const noexcept {
+Instant ExchangeNode::due() const noexcept {
   if (trade_.owes() || trade_.offers()) return {};
   for (const Ranges& owed : owed_) {
     if (!owed.empty()) return {};
@@ -118,7 +120,7 @@ Instant Node::due() const noexcept {
   return due;
 }
 
-Waiting Node::waiting(Instant now) noexcept {
+Waiting ExchangeNode::waiting(Instant now) noexcept {
   Waiting waiting;
   if (!owed_[0].empty()) waiting.set(Traffic::kDeltaPoses);
   if (!owed_[1].empty()) waiting.set(Traffic::kClosures);
@@ -130,7 +132,7 @@ Waiting Node::waiting(Instant now) noexcept {
   return waiting;
 }
 
-Node::Outgoing Node::next(Instant now) noexcept {
+ExchangeNode::Outgoing ExchangeNode::next(Instant now) noexcept {
   trade_.hand_over(taker_, [&](const MapletKey& key) {
     (void)ledger_.insert({key.agent, key.epoch, Stream::kMaplets, key.id});
   });
@@ -157,8 +159,8 @@ Node::Outgoing Node::next(Instant now) noexcept {
   return {};
 }
 
-bool Node::fill(DatagramWriter& out, RecordContext& context, Traffic traffic,
-                Instant now) noexcept {
+bool ExchangeNode::fill(DatagramWriter& out, RecordContext& context, Traffic traffic,
+                        Instant now) noexcept {
   const std::size_t before = out.size();
   bool any = false;
   switch (traffic) {
@@ -183,8 +185,8 @@ bool Node::fill(DatagramWriter& out, RecordContext& context, Traffic traffic,
 }
 
 template <class Record>
-bool Node::fill_records(DatagramWriter& out, RecordContext& context, Ranges& owed,
-                        RecordRing<Record>& ring, Instant now) noexcept {
+bool ExchangeNode::fill_records(DatagramWriter& out, RecordContext& context, Ranges& owed,
+                                RecordRing<Record>& ring, Instant now) noexcept {
   constexpr EntryKind kKind =
       std::is_same_v<Record, RangeRecord> ? EntryKind::kRange : EntryKind::kDeltaPose;
   constexpr std::size_t kBeaconRoom = 16;
@@ -217,7 +219,7 @@ bool Node::fill_records(DatagramWriter& out, RecordContext& context, Ranges& owe
   return any;
 }
 
-bool Node::fill_control(DatagramWriter& out, Instant now) noexcept {
+bool ExchangeNode::fill_control(DatagramWriter& out, Instant now) noexcept {
   bool any = write_requests(out, now);
   while (trade_.write_offer(out)) any = true;
   while (trade_.write_request(out, taker_, now)) any = true;
@@ -230,7 +232,7 @@ bool Node::fill_control(DatagramWriter& out, Instant now) noexcept {
   return any;
 }
 
-bool Node::write_requests(DatagramWriter& out, Instant now) noexcept {
+bool ExchangeNode::write_requests(DatagramWriter& out, Instant now) noexcept {
   bool any = false;
   for (std::size_t i = 0; i < wants_.size();) {
     Want& want = wants_[i];
@@ -263,7 +265,7 @@ bool Node::write_requests(DatagramWriter& out, Instant now) noexcept {
   return any;
 }
 
-bool Node::write_digest_entry(DatagramWriter& out) noexcept {
+bool ExchangeNode::write_digest_entry(DatagramWriter& out) noexcept {
   std::array<std::byte, kMaxDatagramBytes> body;
   std::size_t written = 0;
   const std::size_t room = std::min(out.room(), body.size());
@@ -271,7 +273,7 @@ bool Node::write_digest_entry(DatagramWriter& out) noexcept {
   return written > 0 && out.add(EntryKind::kDigest, std::span{body}.first(written));
 }
 
-bool Node::write_beacon(DatagramWriter& out, bool brief, Instant now) noexcept {
+bool ExchangeNode::write_beacon(DatagramWriter& out, bool brief, Instant now) noexcept {
   Beacon beacon;
   beacon.word = word();
   beacon.brief = brief;

@@ -47,10 +47,10 @@ struct NodeCounters {
 /// Memory   the arena, at construction.
 /// Time     O(peers + maplets known) a call. Threads one.
 /// Math     docs/dds.md, section "On the radio".
-class Node {
+class ExchangeNode {
  public:
-  Node(const SyncConfig& config, const LinkProfile& profile, std::size_t maplet_bytes, Life self,
-       RecordTaker& taker, Arena& arena);
+  ExchangeNode(const SyncConfig& config, const LinkProfile& profile, std::size_t maplet_bytes,
+               Life self, RecordTaker& taker, Arena& arena);
 
   // What this agent makes. @return false when it cannot be kept: out of numbers, or no such life
   bool put(const DeltaPoseRecord& record, Instant now) noexcept;

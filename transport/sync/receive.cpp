@@ -23,7 +23,7 @@ bool same(const Record& a, const Record& b) noexcept {
 
 }  // namespace
 
-void Node::receive(std::span<const std::byte> bytes, Instant now) noexcept {
+void ExchangeNode::receive(std::span<const std::byte> bytes, Instant now) noexcept {
   ++counters_.datagrams_in;
   DatagramReader reader{bytes};
   if (reader.fault() == DatagramFault::kFuture) ++counters_.future;
@@ -45,8 +45,8 @@ void Node::receive(std::span<const std::byte> bytes, Instant now) noexcept {
   if (reader.broken()) ++counters_.malformed;
 }
 
-void Node::take_entry(const DatagramReader::Entry& entry, Peer& peer, RecordContext& context,
-                      bool& readable, Instant now) noexcept {
+void ExchangeNode::take_entry(const DatagramReader::Entry& entry, Peer& peer,
+                              RecordContext& context, bool& readable, Instant now) noexcept {
   ByteReader in{entry.body};
   switch (entry.kind) {
     case EntryKind::kDeltaPose:
@@ -96,8 +96,8 @@ void Node::take_entry(const DatagramReader::Entry& entry, Peer& peer, RecordCont
 }
 
 template <class Record>
-void Node::take_record(const Record& record, RecordRing<Record>& ring, Peer& peer,
-                       Instant now) noexcept {
+void ExchangeNode::take_record(const Record& record, RecordRing<Record>& ring, Peer& peer,
+                               Instant now) noexcept {
   const Life life{record.key.agent, record.key.epoch};
   if (ledger_.contains(record.key)) {
     ++counters_.duplicates;
@@ -131,7 +131,7 @@ void Node::take_record(const Record& record, RecordRing<Record>& ring, Peer& pee
   }
 }
 
-void Node::take_beacon(std::span<const std::byte> body, Peer& peer, Instant now) noexcept {
+void ExchangeNode::take_beacon(std::span<const std::byte> body, Peer& peer, Instant now) noexcept {
   const auto beacon = read_beacon(body);
   if (!beacon) {
     ++counters_.malformed;
@@ -161,7 +161,7 @@ void Node::take_beacon(std::span<const std::byte> body, Peer& peer, Instant now)
   }
 }
 
-void Node::take_digest(std::span<const std::byte> body, Peer& peer, Instant now) noexcept {
+void ExchangeNode::take_digest(std::span<const std::byte> body, Peer& peer, Instant now) noexcept {
   const auto difference = read_digest(body, ledger_);
   if (!difference) {
     ++counters_.malformed;
@@ -188,7 +188,7 @@ void Node::take_digest(std::span<const std::byte> body, Peer& peer, Instant now)
   if (they_miss) say_by(std::max(now + kSoon + jitter(kSoon), said_at_ + profile_.quick / 2));
 }
 
-void Node::take_request(std::span<const std::byte> body) noexcept {
+void ExchangeNode::take_request(std::span<const std::byte> body) noexcept {
   ByteReader in{body};
   const auto holder = in.varint_to(0xFFFF);
   const auto ranges = read_ranges(in.bytes(in.left()));
@@ -208,7 +208,7 @@ void Node::take_request(std::span<const std::byte> body) noexcept {
   }
 }
 
-void Node::want(const KeyRange& range, std::uint16_t holder, Instant due) noexcept {
+void ExchangeNode::want(const KeyRange& range, std::uint16_t holder, Instant due) noexcept {
   for (Want& other : wants_) {
     if (!touch(other.range, range)) continue;
     if (other.tries >= 2) other.holder = holder;  // the first one does not answer
@@ -220,7 +220,7 @@ void Node::want(const KeyRange& range, std::uint16_t holder, Instant due) noexce
   if (!full(wants_)) wants_.push_back({range, holder, due, 0});
 }
 
-void Node::owe(const KeyRange& range) noexcept {
+void ExchangeNode::owe(const KeyRange& range) noexcept {
   Ranges& owed = owed_[static_cast<std::size_t>(range.stream)];
   for (KeyRange& other : owed) {
     if (other.life != range.life || other.stream != range.stream) continue;
@@ -232,7 +232,7 @@ void Node::owe(const KeyRange& range) noexcept {
   if (!full(owed)) owed.push_back(range);
 }
 
-void Node::changed(Instant now) noexcept {
+void ExchangeNode::changed(Instant now) noexcept {
   changed_at_ = now;
   calm_ = profile_.quick;
 }

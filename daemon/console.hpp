@@ -1,0 +1,92 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <condition_variable>
+#include <memory>
+#include <mutex>
+#include <string>
+
+#include "core/agent/agent.hpp"
+#include "daemon/control_server.hpp"
+#include "daemon/radio_link.hpp"
+#include "transport/exchange/status_record.hpp"
+
+namespace maplet::daemon {
+
+/// What the operator asks over the control socket, and the answers.
+///
+/// Questions about the skeleton are answered by the estimator's thread between two frames: it
+/// copies numbers into fixed memory, the server's thread makes text of them.
+///
+/// Memory   fixed on the estimator's side.
+/// Threads  note() and attend() from the estimator's thread, without waiting or allocation; the
+///   rest from the server's.
+class Console {
+ public:
+  Console(AgentIdentity identity, RadioLink* radio) noexcept : identity_{identity}, radio_{radio} {}
+
+  /// @return one line that says why nobody can ask, or nothing
+  [[nodiscard]] std::string open(const std::string& path);
+  [[nodiscard]] bool is_open() const noexcept { return server_ != nullptr; }
+  void close() noexcept { server_.reset(); }
+
+  /// The present state, about once a second.
+  void note(const StatusRecord& status, const Skeleton& skeleton, bool settled) noexcept;
+  /// Answers what waits. Call it often.
+  void attend(Agent& agent, Deadline deadline) noexcept {
+    if (asked_.load(std::memory_order_acquire)) answer(agent, deadline);
+  }
+
+ private:
+  static constexpr std::size_t kMaxClosures = 1024;
+  enum class Question : std::uint8_t { kClosures, kWhy };
+  struct ClosureLine {
+    MapletKey a;
+    MapletKey b;
+    double chi2 = 0.0;
+    double weight = 0.0;
+    double length_m = 0.0;
+  };
+
+  // console.cpp: the estimator's side
+  void answer(Agent& agent, Deadline deadline) noexcept;
+  void list_closures(const Skeleton& skeleton) noexcept;
+  void look_into(const Agent& agent) noexcept;
+  /// Asks the estimator. @return false when it did not answer in time
+  bool ask(Question question, int agent);
+
+  // console_text.cpp: the server's side
+  [[nodiscard]] std::string reply(const std::string& line);
+  [[nodiscard]] std::string status_text() const;
+  [[nodiscard]] std::string peers_text() const;
+  [[nodiscard]] std::string why_text(int agent);
+  [[nodiscard]] std::string closures_text();
+  [[nodiscard]] std::string radio_text(const std::string& what);
+
+  AgentIdentity identity_;
+  RadioLink* radio_;  ///< nullptr: --no-dds
+  mutable std::mutex mutex_;
+  StatusRecord status_;
+  bool settled_ = false;
+
+  std::mutex question_mutex_;
+  std::condition_variable answered_cv_;
+  std::atomic<bool> asked_{false};
+  bool answered_ = false;
+  Question question_ = Question::kClosures;
+  int about_ = 0;
+  std::size_t closure_count_ = 0;
+  std::array<ClosureLine, kMaxClosures> closures_;
+  struct Why {
+    std::uint32_t nodes = 0;          ///< of that agent in the skeleton
+    std::uint32_t related = 0;        ///< of these in one group with ours
+    std::uint32_t closures = 0;       ///< between the two
+    std::uint32_t closures_kept = 0;  ///< of these with weight
+  } why_;
+
+  std::unique_ptr<ControlServer> server_;
+};
+
+}  // namespace maplet::daemon

@@ -1,0 +1,291 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#include "daemon/radio_link.hpp"
+
+#include <pthread.h>
+#include <signal.h>
+
+#include <algorithm>
+
+#include "daemon/log.hpp"
+#include "transport/dds/wire_meter.hpp"
+
+namespace maplet::daemon {
+
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr std::size_t kRecords = 2048;
+constexpr std::size_t kMapletBytes = std::size_t{1} << 19;
+constexpr Duration kNap = 25ms;    // how long an own record may wait for the thread
+constexpr Duration kLook = 500ms;  // at the interface and for the status
+constexpr Duration kRetry = 1s;
+constexpr Duration kRest = 3s;      // nothing new for so long: at rest
+constexpr Duration kPresent = 20s;  // heard within: there
+
+struct MapletHead {
+  MapletKey key;
+  float saliency = 0.0F;
+  std::uint32_t bytes = 0;
+};
+
+template <class Queue>
+bool push_maplet(Queue& queue, const MapletHead& head, std::span<const std::byte> bytes) noexcept {
+  if (queue.write_available() < sizeof head + bytes.size()) return false;
+  queue.push(reinterpret_cast<const std::byte*>(&head), sizeof head);
+  queue.push(bytes.data(), bytes.size());
+  return true;
+}
+
+template <class Queue>
+std::optional<MapletHead> pop_maplet(Queue& queue, std::span<std::byte> bytes) noexcept {
+  MapletHead head;
+  if (queue.read_available() < sizeof head) return {};
+  queue.pop(reinterpret_cast<std::byte*>(&head), sizeof head);
+  while (queue.read_available() < head.bytes) std::this_thread::yield();  // its second push
+  queue.pop(bytes.data(), head.bytes);
+  return head;
+}
+
+std::size_t wire_bytes_of_datagram(const LinkProfile& profile) noexcept {
+  return profile.datagram_bytes + kWireOverheadBytes;
+}
+
+}  // namespace
+
+RadioLink::RadioLink(const Config& config, AgentIdentity identity, Arena& arena)
+    : config_{config.radio},
+      domain_{config.radio.domain(config.dds.domain)},
+      identity_{identity},
+      wish_all_{config.exchange.maplets == "all"    ? 1
+                : config.exchange.maplets == "near" ? 0
+                                                    : -1},
+      node_{arena.make<ExchangeNode>("exchange/node", config.exchange, config.radio.link_profile(),
+                                     static_cast<std::size_t>(config.agent.maplet.max_bytes),
+                                     Life{identity.agent, identity.epoch},
+                                     static_cast<RecordTaker&>(*this), arena)},
+      budget_{static_cast<double>(config.radio.budget_bytes_per_s),
+              wire_bytes_of_datagram(config.radio.link_profile()), clock_.now()},
+      delta_poses_out_{kRecords},
+      ranges_out_{256},
+      maplets_out_{kMapletBytes},
+      delta_poses_in_{kRecords},
+      ranges_in_{256},
+      maplets_in_{kMapletBytes} {}
+
+RadioLink::~RadioLink() {
+  stop_ = true;
+  if (thread_.joinable()) thread_.join();
+}
+
+std::optional<DdsFailure> RadioLink::start(bool wait) {
+  WireMeter::watch_domain(domain_);
+  auto opened = DdsRadio::open(config_, domain_, identity_.agent);
+  if (opened) {
+    radio_ = std::move(*opened);
+    open_ = true;
+  } else if (!wait || opened.error().code != ErrorCode::kDevice) {
+    return opened.error();
+  } else {
+    log_warning("waiting for the link: " + opened.error().what);
+  }
+  sigset_t all;
+  sigset_t before;
+  sigfillset(&all);
+  pthread_sigmask(SIG_SETMASK, &all, &before);  // the thread inherits it: signals are main's
+  thread_ = std::thread{[this] { loop(); }};
+  pthread_sigmask(SIG_SETMASK, &before, nullptr);
+  pthread_setname_np(thread_.native_handle(), "radio");
+  return {};
+}
+
+bool RadioLink::publish(const DeltaPoseRecord& record) noexcept {
+  return delta_poses_out_.push(record);
+}
+
+bool RadioLink::publish(const RangeRecord& record) noexcept { return ranges_out_.push(record); }
+
+bool RadioLink::publish(const MapletKey& key, std::span<const std::byte> bytes,
+                        float saliency) noexcept {
+  return push_maplet(maplets_out_, {key, saliency, static_cast<std::uint32_t>(bytes.size())},
+                     bytes);
+}
+
+std::size_t RadioLink::heard_maplet(MapletKey& key, std::span<std::byte> bytes) noexcept {
+  const auto head = pop_maplet(maplets_in_, bytes);
+  if (!head) return 0;
+  key = head->key;
+  return head->bytes;
+}
+
+void RadioLink::set_near(std::span<const MapletKey> keys) noexcept {
+  const std::unique_lock lock{mutex_, std::try_to_lock};
+  if (!lock) return;  // the next time
+  near_count_ = std::min(keys.size(), near_.size());
+  std::copy_n(keys.begin(), near_count_, near_.begin());
+}
+
+bool RadioLink::take(const DeltaPoseRecord& record) noexcept {
+  return delta_poses_in_.push(record);
+}
+
+bool RadioLink::take(const RangeRecord& record) noexcept { return ranges_in_.push(record); }
+
+bool RadioLink::take(const MapletKey& key, std::span<const std::byte> bytes) noexcept {
+  return push_maplet(maplets_in_, {key, 0.0F, static_cast<std::uint32_t>(bytes.size())}, bytes);
+}
+
+float RadioLink::wish(const MapletKey& key, float saliency) noexcept {
+  if (wish_all_ < 0) return -1.0F;
+  const std::unique_lock lock{mutex_, std::try_to_lock};
+  for (std::size_t i = 0; lock && i < near_count_; ++i) {
+    if (near_[i] == key) return 1.0F + saliency;
+  }
+  return wish_all_ > 0 ? saliency : -1.0F;
+}
+
+void RadioLink::take(std::span<const std::byte> datagram) noexcept {
+  node_->receive(datagram, clock_.now());
+}
+
+void RadioLink::loop() noexcept {
+  while (!stop_) {
+    Instant now = clock_.now();
+    if (now - looked_at_ > kLook) look_after_link(now);
+    if (radio_) {
+      (void)radio_->receive(std::clamp<Duration>(node_->due() - now, 2ms, kNap), *this);
+    } else {
+      std::this_thread::sleep_for(kNap);
+    }
+    now = clock_.now();
+    take_own(now);
+    if (radio_) send(now);
+    if (now - noted_at_ > kLook / 4) note_status(now);
+  }
+  radio_.reset();
+}
+
+void RadioLink::look_after_link(Instant now) noexcept {
+  looked_at_ = now;
+  if (radio_ && !radio_->interface_holds()) {
+    log_warning("dds.interface '" + config_.interface + "' is gone or has changed: waiting for it");
+    radio_.reset();
+    open_ = false;
+    listeners_ = 0;
+  }
+  if (radio_ || now < retry_at_) return;
+  retry_at_ = now + kRetry;
+  auto opened = DdsRadio::open(config_, domain_, identity_.agent);
+  if (!opened) return;
+  radio_ = std::move(*opened);
+  open_ = true;
+  log_info("the link on '" + config_.interface + "' is open");
+  node_->wake(now);
+}
+
+void RadioLink::take_own(Instant now) noexcept {
+  const std::int64_t clock_ns = record_clock_ns_;
+  if (clock_ns != record_clock_set_) {
+    record_clock_set_ = clock_ns;
+    node_->set_record_clock(Stamp{clock_ns}, now);
+  }
+  if (silent_ != node_->silent()) {
+    node_->set_silent(silent_);
+    if (!silent_) node_->wake(now);
+  }
+  DeltaPoseRecord delta;
+  while (delta_poses_out_.pop(delta)) (void)node_->put(delta, now);
+  RangeRecord range;
+  while (ranges_out_.pop(range)) (void)node_->put(range, now);
+  while (const auto head = pop_maplet(maplets_out_, maplet_)) {
+    (void)node_->put(head->key, std::span{maplet_}.first(head->bytes), head->saliency, now);
+  }
+}
+
+void RadioLink::send(Instant now) noexcept {
+  const bool metered = WireMeter::available;
+  const auto charge_others = [&] {
+    if (!metered) return;
+    const std::uint64_t bytes = WireMeter::bytes;
+    if (bytes == metered_) return;
+    budget_.charge_others(bytes - metered_, now);
+    wire_bytes_ += bytes - metered_;
+    dds_bytes_ += bytes - metered_;
+    metered_ = bytes;
+  };
+  charge_others();
+  const std::uint32_t listeners = radio_->listeners();
+  if (listeners > listeners_) node_->wake(now);
+  listeners_ = listeners;
+  if (listeners == 0) return;  // nobody would hear it
+  const std::size_t copies = radio_->copies();
+  const std::size_t most = wire_bytes_of_datagram(config_.link_profile()) * copies;
+  while (budget_.allows(most, now)) {
+    const ExchangeNode::Outgoing out = node_->next(now);
+    if (out.bytes.empty()) return;
+    charge_others();
+    (void)radio_->write(out.lane, out.bytes);
+    std::uint64_t bytes = (out.bytes.size() + kWireOverheadBytes) * copies;
+    if (metered) {
+      bytes = WireMeter::bytes - metered_;
+      metered_ += bytes;
+    }
+    budget_.charge(bytes, now);
+    wire_bytes_ += bytes;
+    lane_bytes_[static_cast<std::size_t>(out.lane)] += bytes;
+  }
+}
+
+void RadioLink::note_status(Instant now) noexcept {
+  noted_at_ = now;
+  const bool busy = !node_->settled(now) || node_->trading(now) ||
+                    delta_poses_in_.read_available() > 0 || maplets_in_.read_available() > 0;
+  const auto present = [&](const Peer& peer) { return now - peer.last_heard < kPresent; };
+  const bool company = std::ranges::any_of(node_->peers(), present);
+  if ((touched_.exchange(false) || busy) && company) busy_at_ = now;
+  at_rest_ = !company || now - busy_at_ > kRest;
+
+  settled_ = node_->settled(now) && delta_poses_in_.read_available() == 0;
+
+  const std::scoped_lock lock{mutex_};
+  RadioStatus& s = status_;
+  s.open = open_;
+  s.silent = node_->silent();
+  s.settled = node_->settled(now);
+  s.listeners = listeners_;
+  s.records = node_->ledger().records();
+  s.records_digest = node_->ledger().records_digest();
+  s.missing = node_->ledger().missing();
+  const auto held_of = [&](const Life& life) {
+    std::array<std::uint32_t, kStreams> held{};
+    const Ledger::Row* row = node_->ledger().find(life);
+    for (std::size_t i = 0; row != nullptr && i < kStreams; ++i) held[i] = row->held[i].next();
+    return held;
+  };
+  s.own = held_of(node_->self());
+  s.wire_bytes = wire_bytes_;
+  s.dds_bytes = dds_bytes_;
+  s.window_bytes = budget_.window_bytes(now);
+  s.lane_bytes = lane_bytes_;
+  s.conflicts = static_cast<std::uint32_t>(node_->peer_table().conflicts());
+  s.conflicting_agent = node_->peer_table().conflicting_agent().value_or(0xFFFF);
+  if (s.conflicts == 0) s.conflicting_agent = -1;
+  s.counters = node_->counters();
+  s.maplets = node_->maplets().counters();
+  s.peer_count = 0;
+  for (const Peer& peer : node_->peers()) {
+    if (s.peer_count == RadioStatus::kMaxPeers) break;
+    auto& out = s.peers[s.peer_count++];
+    out.peer = peer;
+    out.in_sync = node_->in_sync(peer);
+    out.silent_s = seconds(now - peer.last_heard);
+    out.held_of = held_of(peer.life);
+  }
+}
+
+RadioStatus RadioLink::status() const {
+  const std::scoped_lock lock{mutex_};
+  return status_;
+}
+
+}  // namespace maplet::daemon

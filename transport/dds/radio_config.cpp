@@ -1,0 +1,80 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#include "transport/dds/radio_config.hpp"
+
+#include <fmt/format.h>
+
+#include "transport/dds/config.hpp"
+
+namespace maplet {
+
+namespace {
+
+// Each timer stands above the round trip with its queueing, and not far above (docs/dds.md).
+constexpr const char* kWifiTimers =
+    "<HeartbeatInterval max=\"60s\" min=\"1s\" minsched=\"2s\">5s</HeartbeatInterval>"
+    "<NackDelay>500ms</NackDelay><AckDelay>500ms</AckDelay>"
+    "<PreEmptiveAckDelay>1s</PreEmptiveAckDelay><AutoReschedNackDelay>20s</AutoReschedNackDelay>"
+    "<MaxQueuedRexmitBytes>16KiB</MaxQueuedRexmitBytes>"
+    "<BurstSize><MaxRexmit>4KiB</MaxRexmit></BurstSize>"
+    "<SPDPResponseMaxDelay>1s</SPDPResponseMaxDelay>";
+constexpr const char* kRadioTimers =
+    "<HeartbeatInterval max=\"60s\" min=\"4s\" minsched=\"8s\">8s</HeartbeatInterval>"
+    "<NackDelay>3s</NackDelay><AckDelay>3s</AckDelay>"
+    "<PreEmptiveAckDelay>3s</PreEmptiveAckDelay><AutoReschedNackDelay>30s</AutoReschedNackDelay>"
+    "<MaxQueuedRexmitBytes>4KiB</MaxQueuedRexmitBytes>"
+    "<MaxQueuedRexmitMessages>10</MaxQueuedRexmitMessages>"
+    "<BurstSize><MaxRexmit>2KiB</MaxRexmit></BurstSize>"
+    "<RetransmitMerging>always</RetransmitMerging>"
+    "<RetransmitMergingPeriod>1s</RetransmitMergingPeriod>"
+    "<SPDPResponseMaxDelay>1s</SPDPResponseMaxDelay>";
+
+}  // namespace
+
+std::vector<std::string> RadioConfig::peer_list() const {
+  std::vector<std::string> list;
+  std::string one;
+  for (const char c : peers + ",") {
+    if (c == ',' || c == ' ') {
+      if (!one.empty()) list.push_back(one);
+      one.clear();
+    } else {
+      one += c;
+    }
+  }
+  return list;
+}
+
+std::string cyclone_radio_xml(const RadioConfig& config, int participant_index, bool multicast) {
+  const bool slow = config.profile == "radio";
+  const auto peer_list = config.peer_list();
+  std::string peers;
+  for (const auto& peer : peer_list) {
+    peers += fmt::format("<Peer Address=\"{}\"/>", xml_escaped(peer));
+  }
+  if (!peers.empty()) peers = "<Peers>" + peers + "</Peers>";
+  const bool unicast = !peer_list.empty() || !multicast;
+  // With peers, each index is a copy of every announcement: one robot, one index.
+  const int last_index = config.interface == "lo" ? kDaemonIndices - 1 : 0;
+  return fmt::format(
+      "<CycloneDDS><Domain Id=\"any\">"
+      "<General><Interfaces><NetworkInterface name=\"{}\" multicast=\"{}\"/></Interfaces>"
+      "<AllowMulticast>{}</AllowMulticast>"
+      "<MaxMessageSize>1300B</MaxMessageSize><MaxRexmitMessageSize>1300B</MaxRexmitMessageSize>"
+      "<FragmentSize>1280B</FragmentSize></General>"
+      "<Discovery><ParticipantIndex>{}</ParticipantIndex>"
+      "<MaxAutoParticipantIndex>{}</MaxAutoParticipantIndex>{}"
+      "<SPDPInterval>60s</SPDPInterval><LeaseDuration>300s</LeaseDuration></Discovery>"
+      "<Internal><MultipleReceiveThreads>false</MultipleReceiveThreads>{}"
+      "<SocketReceiveBufferSize min=\"64KiB\" max=\"256KiB\"/>"
+      "<Watermarks><WhcHigh>64KiB</WhcHigh><WhcAdaptive>false</WhcAdaptive></Watermarks>"
+      "<MaxSampleSize>4KiB</MaxSampleSize></Internal>"
+      "<Sizing><ReceiveBufferSize>128KiB</ReceiveBufferSize>"
+      "<ReceiveBufferChunkSize>32KiB</ReceiveBufferChunkSize></Sizing>"
+      "{}"
+      "</Domain></CycloneDDS>",
+      xml_escaped(config.interface), unicast ? "default" : "true", unicast ? "false" : "true",
+      participant_index, peer_list.empty() ? kDaemonIndices - 1 : last_index, peers,
+      slow ? kRadioTimers : kWifiTimers, cyclone_threads_xml());
+}
+
+}  // namespace maplet
