@@ -5,6 +5,7 @@
 
 #include <atomic>
 #include <csignal>
+#include <filesystem>
 #include <fstream>
 #include <random>
 #include <thread>
@@ -17,6 +18,7 @@
 #include "daemon/progress.hpp"
 #include "daemon/report.hpp"
 #include "daemon/service_notify.hpp"
+#include "drivers/content_mark.hpp"
 #include "drivers/open_source.hpp"
 #include "transport/exchange/json.hpp"
 
@@ -37,6 +39,7 @@ void catch_signals() {
   action.sa_handler = on_signal;
   sigaction(SIGTERM, &action, nullptr);
   sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGHUP, &action, nullptr);
   signal(SIGPIPE, SIG_IGN);
 }
 
@@ -52,8 +55,11 @@ Pacer::Mode pace_of(const Options& options, const Config& config) {
 /// docs/adr/0001: a replay's epoch is derived from everything that decides its bytes.
 std::uint32_t epoch_of(const Options& options, const Config& config) {
   if (pace_of(options, config) != Pacer::Mode::kFast) return std::random_device{}();
-  const std::string all =
-      fmt::format("{}\n{}\n{}", MAPLET_VERSION, options.agent, print_config(config));
+  Config content = config;  // without where the source lies and where the records go
+  content.input.source.clear();
+  content.dds = {};
+  const std::string all = fmt::format("{}\n{}\n{:08x}\n{}", MAPLET_VERSION, options.agent,
+                                      content_mark(config.input.source), print_config(content));
   return crc32c(std::as_bytes(std::span{all}));
 }
 
@@ -81,6 +87,7 @@ SourceOptions source_options(const Config& config) {
 /// A source's URI without its query, and of a path only its last part: "sim:loop", "redkitchen_a".
 std::string short_name(const std::string& uri) {
   std::string name = uri.substr(0, uri.find('?'));
+  if (name.starts_with("tum:")) name = std::filesystem::weakly_canonical(name.substr(4)).string();
   while (name.size() > 1 && name.back() == '/') name.pop_back();
   const auto slash = name.find_last_of('/');
   return slash == std::string::npos ? name : name.substr(slash + 1);
@@ -111,6 +118,11 @@ int App::run() {
   const bool ended_well = loop();
   stop_counting_allocations();
   notify_stopping();
+  totals_.complete = ended_well && !stop_asked;
+  if (stop_asked && output_) {
+    log_warning(fmt::format("stopped by a signal after {} frames; the folder has what was done",
+                            totals_.processed));
+  }
   const int finished = finish();
   return ended_well ? finished : kExitFailure;
 }
@@ -120,7 +132,10 @@ int App::open() {
     log_error("no source: give --source URI, or input.source in the configuration");
     return kExitUsage;
   }
-  if (!options_.out.empty()) {
+  // A finite run has its source before it touches the folder: a typing error spoils nothing.
+  const bool finite = !options_.out.empty();
+  if (finite) {
+    if (const int exit_code = open_source(); exit_code != kExitDone) return exit_code;
     auto output = RunOutput::create(options_.out);
     if (!output) {
       log_error(output.error());
@@ -142,7 +157,7 @@ int App::open() {
       return kExitFailure;
     }
   }
-  return open_source();
+  return finite ? kExitDone : open_source();
 }
 
 int App::open_source() {
@@ -154,7 +169,7 @@ int App::open_source() {
       source_ = std::move(*opened);
       return kExitDone;
     }
-    const bool may_come = opened.error().kind == SourceError::Kind::kAbsent && !output_;
+    const bool may_come = opened.error().kind == SourceError::Kind::kAbsent && options_.out.empty();
     if (!may_come) {
       log_error(opened.error().what);
       return opened.error().kind == SourceError::Kind::kUsage ? kExitUsage : kExitFailure;
@@ -229,10 +244,10 @@ void App::process(const DepthFrame& frame) {
   Step step;
   {
     const StageScope scope{meters_, Stage::kFrame, budget};
-    step = agent_->step(frame, Deadline{pacer_.clock(), budget});
+    step = agent_->step(frame, pacer_.deadline(budget));
   }
   last_stamp_ = frame.stamp;
-  tracking_ = step.track.state == Track::State::kTracking;
+  say_tracking(step.track);
   totals_.add(step);
   if (output_) output_->frame(step);
   hand_out(step.closed);
@@ -287,7 +302,7 @@ void App::listen() {
   constexpr int kAtOnce = 16;
   radio_->set_record_clock(last_stamp_);
   const StageScope scope{meters_, Stage::kExchange, config_.agent.frame.budget};
-  const Deadline deadline{pacer_.clock(), config_.agent.frame.budget};
+  const Deadline deadline = pacer_.deadline(config_.agent.frame.budget);
   DeltaPoseRecord record;
   for (int i = 0; i < kAtOnce && radio_->heard(record); ++i) {
     (void)agent_->hear(restore(record), deadline);
@@ -319,8 +334,17 @@ int App::finish() {
     log_warning("a subscriber did not take everything in time");
   }
   if (!output_) return kExitDone;
+  totals_.unrelated = records_.refused();
   if (totals_.processed == 0) {
     log_error(config_.input.source + ": no usable frame; check the recording");
+    return kExitFailure;
+  }
+  if (totals_.maplets == 0) {
+    (void)write_report();
+    log_error(
+        fmt::format("{}: none of {} frames could be tracked, so there is no map; check depth "
+                    "unit and intrinsics (mapletctl patches SOURCE --draw shows what is seen)",
+                    config_.input.source, totals_.processed));
     return kExitFailure;
   }
   if (const auto written = output_->finish(*agent_); !written) {
@@ -391,10 +415,21 @@ bool App::write_report() {
 
 void App::say_detail() {
   const std::string_view detail = source_->detail();
-  if (!detail.empty() && detail != said_) {
-    said_.assign(detail);
-    log_warning(said_);
-  }
+  if (detail.empty() || detail == said_) return;
+  said_.assign(detail);
+  warnings_.say(said_);
+}
+
+void App::say_tracking(const Track& track) noexcept {
+  const bool tracking = track.state == Track::State::kTracking;
+  if (tracking == tracking_) return;
+  tracking_ = tracking;
+  if (tracking && totals_.lost == 0) return;  // the beginning
+  std::array<char, 120> line;
+  const auto end =
+      fmt::format_to_n(line.data(), line.size(), "{} at {:.3f} s",
+                       tracking ? "tracking again" : "tracking lost", seconds(track.stamp));
+  warnings_.say({line.data(), std::min(line.size(), end.size)});
 }
 
 }  // namespace maplet::daemon

@@ -10,6 +10,7 @@
 #include "core/ports/depth_source.hpp"
 #include "daemon/config.hpp"
 #include "daemon/console.hpp"
+#include "daemon/log.hpp"
 #include "daemon/options.hpp"
 #include "daemon/own_records.hpp"
 #include "daemon/pacer.hpp"
@@ -56,6 +57,7 @@ class App {
   void publish(const Record& record);
   void say_detail();  // what the source had to skip, once
   [[nodiscard]] StatusRecord status(StatusRecord::State state) const;
+  void say_tracking(const Track& track) noexcept;
   void publish_status(StatusRecord::State state);
 
   // The end of a finite run.
@@ -83,6 +85,7 @@ class App {
   Stamp last_stamp_{};
   bool tracking_ = false;
   int timeouts_ = 0;  ///< in a row
+  FewLines warnings_;
   std::string said_;
 };
 

@@ -5,10 +5,14 @@
 #include <toml++/toml.h>
 
 #include <cmath>
+#include <filesystem>
 #include <fstream>
 #include <functional>
+#include <numeric>
 #include <span>
 #include <sstream>
+#include <utility>
+#include <vector>
 
 namespace maplet::daemon {
 
@@ -65,11 +69,13 @@ struct IntValue {
   static bool set(int& out, const toml::node& node, const auto& field) {
     const auto value = node.value_exact<std::int64_t>();
     if (!value || !in_range(static_cast<double>(*value), field.min, field.max)) return false;
+    if (!is_choice(field.choices, std::to_string(*value))) return false;
     out = static_cast<int>(*value);
     return true;
   }
   static std::string print(int value, const auto&) { return fmt::format("{}", value); }
   static std::string range(const auto& field) {
+    if (!field.choices.empty()) return std::string{field.choices};
     return fmt::format("whole number {} .. {}", field.min, field.max);
   }
 };
@@ -238,6 +244,46 @@ std::string at(std::string_view name, const toml::node& node) {
   return fmt::format("{}:{}", name, node.source().begin.line);
 }
 
+std::string on_one_line(const toml::node& value) {
+  std::ostringstream shown;
+  shown << toml::node_view<const toml::node>{value};
+  std::string line;
+  for (const char c : shown.str()) {
+    const bool space = c == '\n' || c == ' ';
+    if (!space) line += c;
+    if (space && !line.empty() && line.back() != ' ') line += ' ';
+  }
+  return line;
+}
+
+std::size_t edit_distance(std::string_view a, std::string_view b) {
+  std::vector<std::size_t> row(b.size() + 1);
+  std::iota(row.begin(), row.end(), std::size_t{0});
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    std::size_t diagonal = std::exchange(row[0], i + 1);
+    for (std::size_t j = 0; j < b.size(); ++j) {
+      const std::size_t changed = diagonal + (a[i] == b[j] ? 0 : 1);
+      diagonal = row[j + 1];
+      row[j + 1] = std::min({changed, row[j] + 1, row[j + 1] + 1});
+    }
+  }
+  return row.back();
+}
+
+/// " (perhaps frame.budget_us)" when a key of some section is spelled nearly so.
+std::string perhaps(std::string_view section, std::string_view name) {
+  const Key* nearest = nullptr;
+  std::size_t least = 3;
+  for (const Key& key : all_keys()) {
+    const std::size_t distance = edit_distance(key.name, name) + (key.section == section ? 0 : 1);
+    if (distance < least) {
+      least = distance;
+      nearest = &key;
+    }
+  }
+  return nearest == nullptr ? "" : fmt::format(" (perhaps {})", nearest->full_name());
+}
+
 tl::expected<void, ConfigError> apply(Config& config, const toml::table& root,
                                       std::string_view name) {
   for (const auto& [section, node] : root) {
@@ -250,15 +296,13 @@ tl::expected<void, ConfigError> apply(Config& config, const toml::table& root,
     for (const auto& [key_name, value] : *table) {
       const Key* key = find_key(section.str(), key_name.str());
       if (key == nullptr) {
-        return tl::unexpected{
-            fmt::format("{}: unknown key '{}.{}'; mapletd --print-config lists all keys",
-                        at(name, value), section.str(), key_name.str())};
+        return tl::unexpected{fmt::format(
+            "{}: unknown key '{}.{}'{}; mapletd --print-config lists all keys", at(name, value),
+            section.str(), key_name.str(), perhaps(section.str(), key_name.str()))};
       }
       if (const Problem problem = key->set(config, value); !problem.empty()) {
-        std::ostringstream shown;
-        shown << toml::node_view<const toml::node>{value};
         return tl::unexpected{fmt::format("{}: {} = {}: {}", at(name, value), key->full_name(),
-                                          shown.str(), problem)};
+                                          on_one_line(value), problem)};
       }
     }
   }
@@ -268,8 +312,16 @@ tl::expected<void, ConfigError> apply(Config& config, const toml::table& root,
 }  // namespace
 
 tl::expected<void, ConfigError> check_together(const Config& config) {
-  if (config.agent.decimator.step == 3) {
-    return tl::unexpected<ConfigError>{"input.decimate = 3: must be 1, 2 or 4"};
+  const MapletConfig& maplet = config.agent.maplet;
+  if (maplet.overlap_keyframes >= maplet.max_keyframes) {
+    return tl::unexpected{
+        fmt::format("maplet: overlap_keyframes = {} must be less than max_keyframes = {}",
+                    maplet.overlap_keyframes, maplet.max_keyframes)};
+  }
+  const PatchConfig& patches = config.agent.patches;
+  if (patches.cell_px > patches.max_node_px) {
+    return tl::unexpected{fmt::format("patches: cell_px = {} must not be above max_node_px = {}",
+                                      patches.cell_px, patches.max_node_px)};
   }
   const CameraConfig& camera = config.camera;
   const bool any = camera.width_px || camera.height_px || camera.fx_px != 0 || camera.fy_px != 0;
@@ -297,7 +349,7 @@ tl::expected<Config, ConfigError> parse_config(std::string_view text, std::strin
 
 tl::expected<Config, ConfigError> load_config(const std::string& path) {
   std::ifstream file{path};
-  if (!file) {
+  if (!file || std::filesystem::is_directory(path)) {
     return tl::unexpected{path +
                           ": cannot be read; give --config a TOML file (mapletd "
                           "--print-config writes one)"};

@@ -11,4 +11,14 @@ void log_info(std::string_view line);
 void log_warning(std::string_view line);
 void log_error(std::string_view line);
 
+/// Warnings that could go on for ever: the first few are said, the rest only counted by whoever
+/// reports. Does not allocate for lines of up to 200 characters.
+class FewLines {
+ public:
+  void say(std::string_view line);
+
+ private:
+  int left_ = 10;
+};
+
 }  // namespace maplet::daemon

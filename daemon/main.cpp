@@ -4,11 +4,13 @@
 
 #include <cstdio>
 #include <exception>
+#include <new>
 
 #include "daemon/app.hpp"
 #include "daemon/config_io.hpp"
 #include "daemon/memory_ledger.hpp"
 #include "daemon/options.hpp"
+#include "drivers/open_source.hpp"
 
 namespace {
 
@@ -22,6 +24,11 @@ tl::expected<Config, ConfigError> configure(const Options& options) {
     if (const auto set = set_key(*config, assignment); !set) return tl::unexpected{set.error()};
   }
   if (config && !options.source.empty()) config->input.source = options.source;
+  if (config && !config->input.source.empty()) {
+    if (const auto uri = maplet::check_source(config->input.source); !uri) {
+      return tl::unexpected{uri.error()};
+    }
+  }
   if (config) {
     if (const auto checked = check_together(*config); !checked) {
       const std::string where = options.config_file.empty() ? "" : options.config_file + ": ";
@@ -41,6 +48,7 @@ int run(int argc, char** argv) {
   }
   switch (options.action) {
     case Options::Action::kCheckConfig:
+      (void)memory_ledger(*config);  // it fits
       fmt::print("configuration is valid\n");
       return kExitDone;
     case Options::Action::kPrintConfig:
@@ -60,6 +68,16 @@ int run(int argc, char** argv) {
 int main(int argc, char** argv) {
   try {
     return run(argc, argv);
+  } catch (const maplet::ArenaExhausted& e) {
+    std::fprintf(stderr,
+                 "mapletd: configuration: the stages would need %s; lower the limits, maplet and "
+                 "skeleton sizes (mapletd --print-memory shows what each takes)\n",
+                 e.what());
+    return kExitUsage;
+  } catch (const std::bad_alloc&) {
+    std::fputs("mapletd: not enough memory or address space (ulimit -v, MemoryMax) to start\n",
+               stderr);
+    return kExitFailure;
   } catch (const std::exception& e) {
     std::fprintf(stderr, "mapletd: %s\n", e.what());
     return kExitFailure;

@@ -2,7 +2,7 @@
 #include "daemon/options.hpp"
 
 #include <CLI/CLI.hpp>
-#include <map>
+#include <cstdio>
 
 namespace maplet::daemon {
 
@@ -23,6 +23,11 @@ constexpr const char* kFooter =
     "  mapletctl watch                                   what it publishes, in another terminal\n\n"
     "Exit status: 0 done, 1 failure (input, device, environment), 2 usage or configuration.";
 
+int usage_error(const char* what) {
+  std::fprintf(stderr, "mapletd: %s (mapletd --help)\n", what);
+  return 2;
+}
+
 }  // namespace
 
 int parse_options(int argc, char** argv, Options& options) {
@@ -36,13 +41,12 @@ int parse_options(int argc, char** argv, Options& options) {
                  "tum:DIR[?first=N&count=M&every=K], openni2:[DEVICE-URI|FILE.oni], "
                  "sim:room|loop|corridor[?seed=N&frames=M]");
   app.add_option("--out", options.out, "Folder for the results of a finite run");
-  const std::map<std::string, Options::Pace> paces{{"fast", Options::Pace::kFast},
-                                                   {"recorded", Options::Pace::kRecorded}};
+  std::string pace = "fast";
   app.add_option(
-         "--pace", options.pace,
+         "--pace", pace,
          "Of recordings: fast (default; limits in counts decide, results are bit-identical) "
          "or recorded (wall clock, deadlines decide)")
-      ->transform(CLI::CheckedTransformer(paces))
+      ->check(CLI::IsMember({"fast", "recorded"}))
       ->option_text("fast|recorded");
   app.add_option("--agent", options.agent, "This agent's number, unique among agents (0..65535)");
   bool no_dds = false;
@@ -58,8 +62,15 @@ int parse_options(int argc, char** argv, Options& options) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : 2;
+    if (e.get_exit_code() == 0) return app.exit(e);
+    return usage_error(e.what());
   }
+  const auto given = [&](const char* name) { return app.count(name) > 0; };
+  if (given("--out") && options.out.empty()) return usage_error("--out is empty: name a folder");
+  if (given("--config") && options.config_file.empty()) {
+    return usage_error("--config is empty: name a TOML file");
+  }
+  options.pace = pace == "fast" ? Options::Pace::kFast : Options::Pace::kRecorded;
   options.dds = !no_dds;
   if (check) options.action = Options::Action::kCheckConfig;
   if (print_config) options.action = Options::Action::kPrintConfig;

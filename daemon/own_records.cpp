@@ -5,12 +5,14 @@
 
 namespace maplet::daemon {
 
-DeltaPose OwnRecords::put(const DeltaPose& delta) noexcept {
+std::optional<DeltaPose> OwnRecords::put(const DeltaPose& delta) noexcept {
   std::uint32_t& seq = next_seq_[static_cast<std::size_t>(stream_of(delta.kind))];
   const auto record = quantise(delta, identity_.agent, identity_.epoch, seq);
-  // The registrar gives finite poses with valid covariances, and a step gives few: else it is a
-  // bug.
-  if (!record || full(pending_)) std::abort();
+  if (!record) {
+    ++refused_;
+    return std::nullopt;
+  }
+  if (full(pending_)) std::abort();  // a bug: a step gives few
   ++seq;
   pending_.push_back(*record);
   return restore(*record);

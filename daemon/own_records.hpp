@@ -21,17 +21,20 @@ class OwnRecords final : public RecordSink {
 
   explicit OwnRecords(AgentIdentity identity) noexcept : identity_{identity} {}
 
-  [[nodiscard]] DeltaPose put(const DeltaPose& delta) noexcept override;
+  [[nodiscard]] std::optional<DeltaPose> put(const DeltaPose& delta) noexcept override;
 
   [[nodiscard]] std::span<const DeltaPoseRecord> pending() const noexcept {
     return {pending_.data(), pending_.size()};
   }
   void clear_pending() noexcept { pending_.clear(); }
+  /// Delta-poses that no record could hold.
+  [[nodiscard]] std::uint64_t refused() const noexcept { return refused_; }
 
  private:
   AgentIdentity identity_;
   std::array<std::uint32_t, kStreams> next_seq_{};
   StaticVector<DeltaPoseRecord, kPerStep> pending_;
+  std::uint64_t refused_ = 0;
 };
 
 }  // namespace maplet::daemon

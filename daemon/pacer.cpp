@@ -15,7 +15,6 @@ bool Pacer::wait(Stamp stamp, const std::atomic<bool>& stop) noexcept {
   }
   const Duration period = stamp - previous_;
   previous_ = stamp;
-  manual_.set(Instant{stamp - first_});
   if (mode_ != Mode::kRecorded) return true;
 
   const Instant due = start_ + (stamp - first_);
@@ -23,7 +22,16 @@ bool Pacer::wait(Stamp stamp, const std::atomic<bool>& stop) noexcept {
   while (!stop && monotonic_.now() < due) {
     std::this_thread::sleep_for(std::min<Duration>(kLook, due - monotonic_.now()));
   }
-  return now <= due + period || period == Duration{0};
+  if (now <= due + period || period == Duration{0}) {
+    to_drop_ = 0;
+    return true;
+  }
+  if (to_drop_ == 0) {
+    to_drop_ = (now - due) / std::max(period, Duration{1}) + 1;
+  }
+  if (--to_drop_ > 0) return false;
+  start_ = now - (stamp - first_);
+  return true;
 }
 
 }  // namespace maplet::daemon

@@ -4,15 +4,18 @@
 #include <atomic>
 
 #include "core/base/clock.hpp"
+#include "core/base/deadline.hpp"
 
 namespace maplet::daemon {
 
-/// Decides when a frame is processed, and which clock the stages see.
+/// Decides when a frame is processed, and which deadline a step has.
 ///
-/// fast      as soon as it is read; the clock stands still inside a step and jumps by the frames'
-///           stamps between, so no deadline ever cuts and the bytes are the same every time.
+/// fast      as soon as it is read, without a deadline: limits in counts decide, and the bytes are
+///           the same every time.
 /// recorded  at its stamp, counted from the first frame; a frame that is more than one frame period
-///           late is dropped, as a camera would have dropped it.
+///           late is dropped, as a camera would have dropped it. A source that is slower than its
+///           own stamps never catches up by dropping: then the frame at hand is the newest there
+///           is, and time is counted from it anew.
 /// live      as soon as it comes, under the machine's clock.
 ///
 /// Threads   one.
@@ -22,8 +25,9 @@ class Pacer {
 
   explicit Pacer(Mode mode) noexcept : mode_{mode} {}
 
-  [[nodiscard]] const Clock& clock() const noexcept {
-    return mode_ == Mode::kFast ? static_cast<const Clock&>(manual_) : monotonic_;
+  /// Of a step with this budget: in fast pace none at all.
+  [[nodiscard]] Deadline deadline(Duration budget) const noexcept {
+    return mode_ == Mode::kFast ? Deadline::never() : Deadline{monotonic_, budget};
   }
   /// Waits until the frame is due, or `stop` is set.
   /// @return false when it comes too late: drop it
@@ -31,12 +35,12 @@ class Pacer {
 
  private:
   Mode mode_;
-  ManualClock manual_;
   MonotonicClock monotonic_;
   bool started_ = false;
   Stamp first_{};
   Stamp previous_{};
   Instant start_{};
+  std::int64_t to_drop_ = 0;  ///< frames that would make up for being late
 };
 
 }  // namespace maplet::daemon

@@ -1,6 +1,7 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #include "daemon/progress.hpp"
 
+#include <sys/ioctl.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -13,6 +14,12 @@ namespace {
 constexpr auto kPeriod = std::chrono::milliseconds{100};
 constexpr int kBarChars = 24;
 
+/// Of the terminal; what the line may fill without wrapping.
+std::size_t columns() noexcept {
+  winsize size{};
+  return ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 1 ? size.ws_col - 1u : 79u;
+}
+
 /// "1:05" or "2:00:05".
 void format_time(double seconds, char* out, std::size_t size) noexcept {
   const int whole = static_cast<int>(std::clamp(seconds, 0.0, 359999.0));
@@ -21,6 +28,11 @@ void format_time(double seconds, char* out, std::size_t size) noexcept {
   } else {
     std::snprintf(out, size, "%d:%02d", whole / 60, whole % 60);
   }
+}
+
+void draw(const char* line) noexcept {
+  std::fprintf(stderr, "\r%.*s\x1b[K", static_cast<int>(std::min(columns(), std::strlen(line))),
+               line);
 }
 
 }  // namespace
@@ -42,9 +54,11 @@ void Progress::show(std::uint64_t done) noexcept {
   const double seconds = std::chrono::duration<double>(now - start_).count();
   const double rate = seconds > 0.0 ? static_cast<double>(done) / seconds : 0.0;
   const auto width = static_cast<int>(std::min<std::size_t>(what_.size(), 30));
+  char line[200];
   if (!total_ || *total_ == 0) {
-    std::fprintf(stderr, "\r%.*s  %llu  %6.1f/s\x1b[K", width, what_.data(),
-                 static_cast<unsigned long long>(done), rate);
+    std::snprintf(line, sizeof line, "%.*s  %llu  %6.1f/s", width, what_.data(),
+                  static_cast<unsigned long long>(done), rate);
+    draw(line);
     return;
   }
   const double share = std::min(1.0, static_cast<double>(done) / static_cast<double>(*total_));
@@ -57,10 +71,11 @@ void Progress::show(std::uint64_t done) noexcept {
   if (rate > 0.0) {
     format_time(static_cast<double>(*total_ - std::min(done, *total_)) / rate, left, sizeof left);
   }
-  std::fprintf(stderr, "\r%.*s  [%s] %3d %%  %llu/%llu  %6.1f/s  %s left\x1b[K", width,
-               what_.data(), bar, static_cast<int>(100.0 * share),
-               static_cast<unsigned long long>(done), static_cast<unsigned long long>(*total_),
-               rate, left);
+  std::snprintf(line, sizeof line, "%.*s  [%s] %3d %%  %llu/%llu  %6.1f/s  %s left", width,
+                what_.data(), bar, static_cast<int>(100.0 * share),
+                static_cast<unsigned long long>(done), static_cast<unsigned long long>(*total_),
+                rate, left);
+  draw(line);
 }
 
 void Progress::clear() noexcept {

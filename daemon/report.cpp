@@ -54,6 +54,7 @@ std::string report_json(const RunTotals& totals, const SourceCounters& source,
                         const StageMeters& meters, std::size_t arena_bytes) {
   Json report;
   report["version"] = MAPLET_VERSION;
+  report["complete"] = totals.complete;
   report["frames"] = {{"read", source.read},
                       {"processed", totals.processed},
                       {"dropped", source.dropped + totals.dropped},
@@ -72,6 +73,7 @@ std::string report_json(const RunTotals& totals, const SourceCounters& source,
   report["delta_poses"] = {
       {"count", totals.delta_poses},
       {"closures", totals.closures},
+      {"unrelated", totals.unrelated},
       {"payload_bytes_mean", totals.delta_poses == 0 ? 0 : kDeltaPosePayloadBytes}};
   report["memory"] = memory_json(arena_bytes);
   return report.dump(2) + "\n";

@@ -3,6 +3,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <iterator>
 #include <limits>
 
 #include "drivers/openni2/openni2_source.hpp"
@@ -56,19 +58,36 @@ constexpr Scheme kSchemes[] = {
     {"tum", "tum:DIR", open_tum},
 };
 
+const Scheme* find_scheme(std::string_view name) {
+  const auto* found = std::find_if(std::begin(kSchemes), std::end(kSchemes),
+                                   [&](const Scheme& scheme) { return scheme.name == name; });
+  return found == std::end(kSchemes) ? nullptr : found;
+}
+
+std::string no_such_scheme(std::string_view name) {
+  std::string usages;
+  for (const Scheme& scheme : kSchemes) {
+    usages += usages.empty() ? "" : ", ";
+    usages += scheme.usage;
+  }
+  return fmt::format("source '{}:': no such scheme; there are {}", name, usages);
+}
+
 }  // namespace
 
 OpenedSource open_source(std::string_view text, const SourceOptions& options) {
   const auto uri = Uri::parse(text);
   if (!uri) return source_error(Kind::kUsage, uri.error());
-  std::string usages;
-  for (const Scheme& scheme : kSchemes) {
-    if (scheme.name == uri->scheme) return scheme.open(*uri, options);
-    usages += usages.empty() ? "" : ", ";
-    usages += scheme.usage;
-  }
-  return source_error(
-      Kind::kUsage, fmt::format("source '{}:': no such scheme; there are {}", uri->scheme, usages));
+  const Scheme* scheme = find_scheme(uri->scheme);
+  if (scheme == nullptr) return source_error(Kind::kUsage, no_such_scheme(uri->scheme));
+  return scheme->open(*uri, options);
+}
+
+tl::expected<void, std::string> check_source(std::string_view text) {
+  const auto uri = Uri::parse(text);
+  if (!uri) return tl::unexpected{uri.error()};
+  if (find_scheme(uri->scheme) == nullptr) return tl::unexpected{no_such_scheme(uri->scheme)};
+  return {};
 }
 
 }  // namespace maplet

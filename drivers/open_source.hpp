@@ -15,4 +15,8 @@ namespace maplet {
 ///   no sense, kBad for everything that stays wrong
 [[nodiscard]] OpenedSource open_source(std::string_view uri, const SourceOptions& options);
 
+/// Whether the URI names a scheme that there is; opens nothing.
+/// @return one line that says what is wrong with it
+[[nodiscard]] tl::expected<void, std::string> check_source(std::string_view uri);
+
 }  // namespace maplet

@@ -72,9 +72,7 @@ void Agent::take(const MapletCut& closed, Deadline deadline) noexcept {
         timed(Stage::kRegistration, budget_.registration, deadline, [&](Deadline until) {
           return registrar_.link(*previous_, closed.maplet, closed.link, until);
         });
-    const DeltaPose record = records_.put(link);
-    timed(Stage::kSkeleton, budget_.skeleton, deadline,
-          [&](Deadline until) { return skeleton_.add(record, until); });
+    record_and_add(link, deadline);
   }
   close_loops(closed.maplet, deadline);
   *previous_ = closed.maplet;
@@ -84,11 +82,14 @@ void Agent::close_loops(const Maplet& newest, Deadline deadline) noexcept {
   OwnPlaces places{skeleton_, store_, *older_};
   const auto closures = timed(Stage::kRegistration, budget_.registration, deadline,
                               [&](Deadline until) { return closures_.run(newest, places, until); });
-  for (const DeltaPose& closure : closures) {
-    const DeltaPose record = records_.put(closure);
-    timed(Stage::kSkeleton, budget_.skeleton, deadline,
-          [&](Deadline until) { return skeleton_.add(record, until); });
-  }
+  for (const DeltaPose& closure : closures) record_and_add(closure, deadline);
+}
+
+void Agent::record_and_add(const DeltaPose& delta, Deadline deadline) noexcept {
+  const auto record = records_.put(delta);
+  if (!record) return;
+  timed(Stage::kSkeleton, budget_.skeleton, deadline,
+        [&](Deadline until) { return skeleton_.add(*record, until); });
 }
 
 }  // namespace maplet

@@ -71,6 +71,7 @@ class Agent {
   }
   void take(const MapletCut& closed, Deadline deadline) noexcept;
   void close_loops(const Maplet& newest, Deadline deadline) noexcept;
+  void record_and_add(const DeltaPose& delta, Deadline deadline) noexcept;
 
   AgentIdentity identity_;
   Budget budget_;

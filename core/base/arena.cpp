@@ -5,6 +5,7 @@
 
 #include <cstdio>
 #include <cstdlib>
+#include <string>
 
 namespace maplet {
 
@@ -31,7 +32,10 @@ void* Arena::take(std::size_t bytes, std::size_t alignment, std::size_t count,
                   std::string_view component) {
   if (sealed_) die("storage asked for after start-up", component);
   const std::size_t start = (used_ + alignment - 1) / alignment * alignment;
-  if (bytes > reserved_ || start > reserved_ - bytes) die("storage exhausted", component);
+  if (bytes > reserved_ || start > reserved_ - bytes) {
+    throw ArenaExhausted{"more than " + std::to_string(reserved_ >> 20) + " MiB, with " +
+                         std::string{component}};
+  }
   used_ = start + bytes;
   ledger_.push_back({component, count, bytes});
   return base_ + start;

@@ -14,8 +14,8 @@ struct DecimatorConfig {
   int step = 1;
 
   static constexpr Field<DecimatorConfig> kFields[] = {
-      {"decimate", &DecimatorConfig::step, 1, 4,
-       "Keep every n-th pixel of every n-th row: 1, 2, 4"},
+      {"decimate", &DecimatorConfig::step, 1, 4, "Keep every n-th pixel of every n-th row",
+       "1|2|4"},
   };
 };
 

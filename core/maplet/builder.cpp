@@ -68,8 +68,8 @@ const MapletCut* MapletBuilder::finish() noexcept {
 }
 
 CutReason MapletBuilder::due(const Keyframe& keyframe) const noexcept {
-  // It must bring something that the maplet before it has not.
-  if (members_.size() <= shared_) return CutReason::kNone;
+  // It must bring something that the maplet before it has not, and leave the next another origin.
+  if (members_.size() <= std::max<std::size_t>(shared_, 1)) return CutReason::kNone;
   if (members_.size() >= static_cast<std::size_t>(config_.max_keyframes)) {
     return CutReason::kKeyframes;
   }

@@ -1,6 +1,8 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <optional>
+
 #include "core/registration/delta_pose.hpp"
 
 namespace maplet {
@@ -11,8 +13,10 @@ class RecordSink {
   virtual ~RecordSink() = default;
 
   /// Numbers the delta-pose as the next record of its stream.
-  /// @return it as everybody will read it, quantised for the wire: the agent goes on with this one
-  [[nodiscard]] virtual DeltaPose put(const DeltaPose& delta) noexcept = 0;
+  /// @return it as everybody will read it, quantised for the wire: the agent goes on with this one;
+  ///   nothing when no record can hold it (not finite, longer than 512 m): the two maplets then
+  ///   stay without a relation
+  [[nodiscard]] virtual std::optional<DeltaPose> put(const DeltaPose& delta) noexcept = 0;
 };
 
 }  // namespace maplet

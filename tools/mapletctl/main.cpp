@@ -2,6 +2,8 @@
 // mapletctl: looks at, feeds and asks mapletd.
 #include <fmt/core.h>
 
+#include <cstdio>
+
 #include "tools/mapletctl/command.hpp"
 
 int main(int argc, char** argv) {
@@ -9,6 +11,7 @@ int main(int argc, char** argv) {
   CLI::App app{"mapletctl: looks at recordings, maplets, skeletons and a running mapletd"};
   app.require_subcommand(1);
   add_daemon_commands(app);
+  app.set_version_flag("--version", "mapletctl " MAPLET_VERSION);
   add_draw(app);
   add_eval(app);
   add_export(app);
@@ -23,12 +26,18 @@ int main(int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : 2;
+    if (e.get_exit_code() == 0) return app.exit(e);
+    fmt::print(stderr, "mapletctl: {} (mapletctl --help, mapletctl COMMAND --help)\n", e.what());
+    return 2;
   } catch (const Failure& e) {
     fmt::print(stderr, "mapletctl: {}\n", e.what());
     return e.exit_code;
   } catch (const std::exception& e) {
     fmt::print(stderr, "mapletctl: {}\n", e.what());
+    return 1;
+  }
+  if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {
+    fmt::print(stderr, "mapletctl: standard output: cannot be written; make room or name a file\n");
     return 1;
   }
   return 0;
