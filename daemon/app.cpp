@@ -152,6 +152,7 @@ int App::open() {
       return kExitFailure;
     }
     publisher_ = std::move(*publisher);
+    if (!publisher_->open()) log_warning("the loopback interface is down: waiting for it (DDS)");
     if (const auto failure = radio_->start(output_ == nullptr)) {
       log_error(failure->what);
       return kExitFailure;
@@ -330,7 +331,7 @@ int App::finish() {
   }
   publish_status(StatusRecord::State::kStopping);
   if (radio_ && output_) radio_->linger(config_.exchange.linger, [this] { listen(); });
-  if (publisher_ && !publisher_->flush(kFlushTime)) {
+  if (publisher_ && publisher_->open() && !publisher_->flush(kFlushTime)) {
     log_warning("a subscriber did not take everything in time");
   }
   if (!output_) return kExitDone;

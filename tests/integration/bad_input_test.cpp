@@ -55,6 +55,10 @@ TEST(BadInput, UsageAndConfiguration) {
   const fs::path config = dir.path() / "robot.toml";
   std::ofstream{config} << "[frame]\nbudget_us = -4\n";
   const Finished bad_value = run({"mapletd", "--config", config.string(), "--check-config"});
+  EXPECT_EQ(run({"mapletd", "--out", "", "--source", "sim:room"}).exit_code, 2);
+  const Finished folder = run({"mapletd", "--config", dir.path().string(), "--check-config"});
+  EXPECT_EQ(folder.exit_code, 2);
+  EXPECT_THAT(folder.err, HasSubstr(dir.path().string()));
   EXPECT_EQ(bad_value.exit_code, 2);
   EXPECT_THAT(bad_value.err, AllOf(HasSubstr("robot.toml:2"), HasSubstr("frame.budget_us")));
   EXPECT_EQ(lines(bad_value.err), 1u);
@@ -173,6 +177,80 @@ TEST_F(BadRecording, BlackFramesInTheMiddleAreLostAndThenItGoesOn) {
   std::ifstream odometry{out_ / "odometry.tum"};
   const auto tracked = std::count(std::istreambuf_iterator<char>{odometry}, {}, '\n');
   EXPECT_EQ(tracked, 30 - report["tracking"]["lost"].get<int>());
+}
+
+TEST(BadInput, ATypingErrorSpoilsNoEarlierResults) {
+  const TempDir dir;
+  const fs::path out = dir.path() / "out";
+  ASSERT_EQ(map_it("sim:room?frames=10&width=320", out).exit_code, 0);
+  const std::string before = text_of(out / "report.json");
+  for (const char* source : {"tum:/nonexistent", "sim:hall", "foo:bar", "sim:room?frames=x"}) {
+    EXPECT_NE(map_it(source, out).exit_code, 0) << source;
+  }
+  EXPECT_EQ(text_of(out / "report.json"), before);
+  EXPECT_TRUE(fs::exists(out / "maplets/0000.maplet"));
+}
+
+TEST(BadInput, TheSmallestMapletsStillHaveDeltaPoses) {
+  const TempDir dir;
+  const Finished mapped = map_it("sim:room?frames=240&width=320", dir.path() / "out",
+                                 {"--set", "maplet.max_bytes=1024"});
+  ASSERT_EQ(mapped.exit_code, 0) << mapped.err;
+  const auto report = report_of(dir.path() / "out");
+  EXPECT_GE(report["delta_poses"]["count"], 1);
+  EXPECT_EQ(report["delta_poses"]["unrelated"], 0);
+  EXPECT_LE(report["maplets"]["bytes_max"], 1024);
+}
+
+TEST(BadInput, LimitsThatNoMemoryHoldsAreAConfigurationError) {
+  const std::vector<std::string> huge{"mapletd", "--check-config",
+                                      "--set",   "skeleton.max_nodes=1000000",
+                                      "--set",   "skeleton.max_factors=10000000"};
+  const Finished refused = run(huge);
+  EXPECT_EQ(refused.exit_code, 2) << refused.err;
+  EXPECT_THAT(refused.err, AllOf(HasSubstr("MiB"), HasSubstr("skeleton")));
+}
+
+TEST_F(BadRecording, APathThatIsWrittenOtherwiseIsTheSameRecording) {
+  ASSERT_EQ(map_it(uri(), dir_ / "a").exit_code, 0);
+  ASSERT_EQ(map_it("tum:" + (source_ / "../copy/").string(), dir_ / "b").exit_code, 0);
+  EXPECT_EQ(text_of(dir_ / "a" / "maplets/0000.maplet"),
+            text_of(dir_ / "b" / "maplets/0000.maplet"));
+  EXPECT_EQ(text_of(dir_ / "a" / "map.svg"), text_of(dir_ / "b" / "map.svg"));
+}
+
+TEST_F(BadRecording, ClockThatJumpsInABlindSpellIsAGap) {
+  const std::vector<std::uint16_t> black(320 * 240, 0);
+  for (int i = 8; i < 20; ++i) {
+    const std::string name = "0000" + std::string(i < 10 ? "0" : "") + std::to_string(i) + ".png";
+    ASSERT_TRUE(
+        write_png(source_ / "depth" / name, ImageView<std::uint16_t>{black.data(), 320, 240, 320}));
+  }
+  std::ifstream in{source_ / "depth.txt"};
+  std::vector<std::string> list;
+  for (std::string line; std::getline(in, line);) list.push_back(line);
+  in.close();
+  std::ofstream out{source_ / "depth.txt"};
+  int frame = 0;
+  for (const std::string& line : list) {
+    const bool jumps = !line.empty() && line[0] != '#' && ++frame > 12;
+    const auto space = line.find(' ');
+    out << (jumps ? std::to_string(std::stod(line) + 1e7) + line.substr(space) : line) << '\n';
+  }
+  out.close();
+  const Finished mapped = map_it(uri(), out_);
+  ASSERT_EQ(mapped.exit_code, 0) << mapped.err;
+  EXPECT_THAT(mapped.err, HasSubstr("tracking lost"));
+}
+
+TEST_F(BadRecording, NothingButBlackFramesIsOneLineAndNoMap) {
+  const std::vector<std::uint16_t> black(320 * 240, 0);
+  for (const auto& entry : fs::directory_iterator{source_ / "depth"}) {
+    ASSERT_TRUE(write_png(entry.path(), ImageView<std::uint16_t>{black.data(), 320, 240, 320}));
+  }
+  const Finished mapped = map_it(uri(), out_);
+  EXPECT_EQ(mapped.exit_code, 1);
+  EXPECT_THAT(mapped.err, HasSubstr("none of 30 frames could be tracked"));
 }
 
 }  // namespace
