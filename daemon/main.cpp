@@ -6,6 +6,7 @@
 #include <exception>
 #include <new>
 
+#include "core/base/arena_exhausted.hpp"
 #include "daemon/app.hpp"
 #include "daemon/config_io.hpp"
 #include "daemon/memory_ledger.hpp"

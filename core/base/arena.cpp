@@ -7,6 +7,8 @@
 #include <cstdlib>
 #include <string>
 
+#include "core/base/arena_exhausted.hpp"
+
 namespace maplet {
 
 namespace {

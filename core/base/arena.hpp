@@ -5,7 +5,6 @@
 #include <memory>
 #include <new>
 #include <span>
-#include <stdexcept>
 #include <string_view>
 #include <type_traits>
 #include <utility>
@@ -20,17 +19,10 @@ struct ArenaEntry {
   std::size_t bytes;
 };
 
-/// The configuration asks for more than the arena reserves; what() names the component.
-class ArenaExhausted : public std::length_error {
- public:
-  using std::length_error::length_error;
-};
-
 /// All memory of the stages, decided before the first frame.
 ///
 /// Reserves address space, hands it out while the stages are built, and is sealed afterwards: from
-/// then on nothing grows. Asking after the seal is a bug and terminates; running out before it is
-/// a configuration that asks for too much: ArenaExhausted.
+/// then on nothing grows. Running out, or asking after the seal, is a bug and terminates.
 ///
 /// Memory   `reserve_bytes` of address space; only what is handed out is ever touched.
 /// Threads  build on one thread; the storage belongs to whoever asked for it.

@@ -24,9 +24,8 @@ struct PatchConfig {
 
   static constexpr Field<PatchConfig> kFields[] = {
       {"cell_px", &PatchConfig::cell_px, 0, 64,
-       "edge of the finest quadtree cell; 0 chooses by the image's size", "0|8|16|32|64"},
-      {"max_node_px", &PatchConfig::max_node_px, 8, 512, "edge of the coarsest quadtree node",
-       "8|16|32|64|128|256|512"},
+       "edge of the finest quadtree cell, a power of two; 0 chooses by the image's size"},
+      {"max_node_px", &PatchConfig::max_node_px, 8, 512, "edge of the coarsest quadtree node"},
       {"max_patches", &PatchConfig::max_patches, 1, PatchConfig::kPatchLimit,
        "patches of one frame at most"},
       {"min_valid_fraction", &PatchConfig::min_valid_fraction, 0.05, 1.0,

@@ -4,6 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <cstdint>
+#include <string>
+
+#include "core/base/arena_exhausted.hpp"
 
 namespace maplet {
 namespace {
