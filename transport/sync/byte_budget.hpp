@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 
@@ -14,39 +15,34 @@ namespace maplet {
 /// of ten seconds that is never overdrawn.
 ///
 /// What others send on the same link without asking (DDS's own announcements) is charged too; the
-/// most they ever took in one window since the start-up is kept free for them.
+/// most they took in one window of the last minutes is kept free for them, up to a quarter.
 ///
 /// Memory   fixed. Time O(1), bins of the window that have passed apart. Threads one.
 class ByteBudget {
  public:
   static constexpr Duration kWindow = std::chrono::seconds{10};
-  static constexpr Duration kStartUp = std::chrono::seconds{25};  ///< discovery is not repeated
+  static constexpr Duration kForget = std::chrono::seconds{120};  ///< half of what others took
 
   /// @param bytes_per_s  IP bytes
   /// @param burst_bytes  may go at once; at least the largest datagram on the wire
   ByteBudget(double bytes_per_s, std::size_t burst_bytes, Instant now) noexcept
-      : rate_{bytes_per_s},
-        burst_{static_cast<double>(burst_bytes)},
-        tokens_{burst_},
-        start_{now},
-        last_{now} {}
+      : rate_{bytes_per_s}, burst_{static_cast<double>(burst_bytes)}, tokens_{burst_}, last_{now} {}
 
   /// Our own bytes went out.
   void charge(std::size_t bytes, Instant now) noexcept { add(ours_, bytes, now); }
   /// Bytes of others went out.
   void charge_others(std::size_t bytes, Instant now) noexcept {
     add(others_, bytes, now);
-    if (now - start_ > kStartUp) others_peak_ = std::max(others_peak_, sum(others_));
+    others_peak_ = std::max(others_peak_, static_cast<double>(sum(others_)));
   }
 
   /// Whether a datagram of `bytes` on the wire may go now.
   [[nodiscard]] bool allows(std::size_t bytes, Instant now) noexcept {
     advance(now);
-    const std::uint64_t reserve = others_peak_ - std::min(others_peak_, sum(others_));
-    const auto used = static_cast<double>(sum(ours_) + sum(others_) + reserve + bytes);
-    // At the least a third of the budget is ours, whatever the others do.
-    const bool squeezed = static_cast<double>(sum(ours_) + bytes) <= rate_ * seconds(kWindow) / 3;
-    return tokens_ > 0.0 && (used <= rate_ * seconds(kWindow) || squeezed);
+    const double all = rate_ * seconds(kWindow);
+    const auto others = static_cast<double>(sum(others_));
+    const double reserve = std::clamp(others_peak_ - others, 0.0, all / 4.0);
+    return tokens_ > 0.0 && static_cast<double>(sum(ours_) + bytes) + others + reserve <= all;
   }
 
   [[nodiscard]] double bytes_per_s() const noexcept { return rate_; }
@@ -74,6 +70,7 @@ class ByteBudget {
   void advance(Instant now) noexcept {
     if (now <= last_) return;
     tokens_ = std::min(burst_, tokens_ + rate_ * seconds(now - last_));
+    others_peak_ *= std::exp2(-seconds(now - last_) / seconds(kForget));
     last_ = now;
     const auto bin = static_cast<std::uint64_t>(now.time_since_epoch() / kBin);
     if (bin_ == 0) bin_ = bin;
@@ -88,13 +85,12 @@ class ByteBudget {
   double rate_;
   double burst_;
   double tokens_;
-  Instant start_;
   Instant last_;
   std::uint64_t bin_ = 0;
   std::size_t at_ = 0;
   Bins ours_{};
   Bins others_{};
-  std::uint64_t others_peak_ = 0;
+  double others_peak_ = 0.0;
 };
 
 }  // namespace maplet
