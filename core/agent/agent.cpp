@@ -44,6 +44,9 @@ Step Agent::step(const DepthFrame& full_frame, Deadline deadline) noexcept {
                        [&](Deadline until) { return &extractor_.run(frame, until); });
   step.track = timed(Stage::kOdometry, budget_.odometry, deadline,
                      [&](Deadline until) { return tracker_.run(frame, *step.patches, until); });
+  if (!skeleton_.settled())
+    timed(Stage::kSkeleton, budget_.skeleton, deadline,
+          [&](Deadline until) { return skeleton_.update(until); });
   if (!step.track.keyframe_due) return step;
 
   step.keyframe = &tracker_.make_keyframe(frame, *step.patches, step.track);
@@ -56,6 +59,9 @@ Step Agent::step(const DepthFrame& full_frame, Deadline deadline) noexcept {
 const MapletCut* Agent::finish(Deadline deadline) noexcept {
   const MapletCut* closed = builder_.finish();
   if (closed != nullptr) take(*closed, deadline);
+  constexpr int kMostUpdates = 10'000;
+  for (int k = 0; k < kMostUpdates && !skeleton_.settled() && !deadline.expired(); ++k)
+    skeleton_.update(deadline);
   return closed;
 }
 

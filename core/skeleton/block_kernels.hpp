@@ -18,17 +18,17 @@ inline Pair load(const double* p) noexcept {
 }
 inline void store(double* p, Pair v) noexcept { std::memcpy(p, &v, sizeof v); }
 
-/// c += sign * a b^T.
-template <int D>
-inline void add_product(double* c, const double* a, const double* b, double sign) noexcept {
+/// c +- a b^T, on any processor.
+template <int D, bool kSubtract>
+void portable_product(double* c, const double* a, const double* b) noexcept {
   if constexpr (D == 6) {
     for (int j = 0; j < 6; j += 2) {
       Pair c0 = load(c + 6 * j), c1 = load(c + 6 * j + 2), c2 = load(c + 6 * j + 4);
       Pair c3 = load(c + 6 * j + 6), c4 = load(c + 6 * j + 8), c5 = load(c + 6 * j + 10);
       for (int k = 0; k < 6; ++k) {
         const Pair a0 = load(a + 6 * k), a1 = load(a + 6 * k + 2), a2 = load(a + 6 * k + 4);
-        const double l = sign * b[6 * k + j];
-        const double r = sign * b[6 * k + j + 1];
+        const double l = kSubtract ? -b[6 * k + j] : b[6 * k + j];
+        const double r = kSubtract ? -b[6 * k + j + 1] : b[6 * k + j + 1];
         const Pair left = {l, l};
         const Pair right = {r, r};
         c0 += a0 * left, c1 += a1 * left, c2 += a2 * left;
@@ -39,12 +39,25 @@ inline void add_product(double* c, const double* a, const double* b, double sign
     }
   } else {
     for (int j = 0; j < D; ++j)
-      for (int i = 0; i < D; ++i) {
-        double sum = 0.0;
-        for (int k = 0; k < D; ++k) sum += a[i + D * k] * b[j + D * k];
-        c[i + D * j] += sign * sum;
+      for (int k = 0; k < D; ++k) {
+        const double factor = kSubtract ? -b[j + D * k] : b[j + D * k];
+        for (int i = 0; i < D; ++i) c[i + D * j] += a[i + D * k] * factor;
       }
   }
+}
+
+/// c +- a b^T with the processor's best instructions. A block of 3 x 3 may be read one number
+/// beyond its end: the pool keeps one in reserve.
+using Product = void (*)(double* c, const double* a, const double* b) noexcept;
+extern const Product add_product_3, add_product_6, subtract_product_3, subtract_product_6;
+
+template <int D>
+inline void add_product(double* c, const double* a, const double* b) noexcept {
+  (D == 3 ? add_product_3 : add_product_6)(c, a, b);
+}
+template <int D>
+inline void subtract_product(double* c, const double* a, const double* b) noexcept {
+  (D == 3 ? subtract_product_3 : subtract_product_6)(c, a, b);
 }
 
 /// a = c c^T in place (upper part zeroed). @return false at a pivot that is not positive; a is

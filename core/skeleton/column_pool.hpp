@@ -28,7 +28,7 @@ class ColumnPool {
   static constexpr int kBlockSize = D * D;
 
   ColumnPool(int max_nodes, int max_blocks, Arena& arena)
-      : blocks_{arena.make_array<double>(static_cast<std::size_t>(max_blocks) * kBlockSize,
+      : blocks_{arena.make_array<double>(static_cast<std::size_t>(max_blocks) * kBlockSize + 1,
                                          "skeleton/factor blocks")},
         slots_{arena.make_array<ColumnSlot>(max_blocks, "skeleton/factor rows")},
         start_{arena.make_array<int>(max_nodes, "skeleton/columns")},
@@ -39,7 +39,7 @@ class ColumnPool {
   void clear() noexcept {
     for (int& s : start_) s = kNone;
     for (int& l : length_) l = 0;
-    end_ = live_ = 0;
+    end_ = live_ = from_ = to_ = 0;
   }
 
   [[nodiscard]] double* block(int slot) noexcept { return blocks_.data() + kBlockSize * slot; }
@@ -81,32 +81,45 @@ class ColumnPool {
 
   /// Slides the columns together. @pre no appended slot is without its column
   void compact() noexcept {
-    int to = 0;
-    for (int from = 0; from < end_;) {
-      const int owner = slots_[from].owner;
-      int stop = from + 1;
-      if (start_[owner] == from) {
-        const int n = length_[owner];
-        if (to != from) {
-          std::memmove(block(to), block(from), sizeof(double) * kBlockSize * n);
-          std::memmove(&slots_[to], &slots_[from], sizeof(ColumnSlot) * n);
-          start_[owner] = to;
-        }
-        to += n;
-        stop = from + n;
-      }
-      from = stop;
-    }
-    end_ = to;
+    for (int round = 0; round < 2 && live_ < end_; ++round) slide(capacity());  // one is half way
+  }
+  /// Goes on sliding them together, about `slots` further: [0, to_) is done, [to_, from_) a hole.
+  /// @pre as compact
+  void compact_some(int slots) noexcept {
+    if (from_ > 0 || live_ < end_ - end_ / 4) slide(slots);  // else not worth it yet
   }
 
  private:
+  void slide(int slots) noexcept {
+    const int stop = slots < end_ - from_ ? from_ + slots : end_;
+    while (from_ < stop) {
+      const int owner = slots_[from_].owner;
+      if (start_[owner] != from_) {
+        ++from_;
+        continue;
+      }
+      const int n = length_[owner];
+      if (to_ != from_) {
+        std::memmove(block(to_), block(from_), sizeof(double) * kBlockSize * n);
+        std::memmove(&slots_[to_], &slots_[from_], sizeof(ColumnSlot) * n);
+        start_[owner] = to_;
+      }
+      to_ += n;
+      from_ += n;
+    }
+    if (from_ < end_) return;
+    end_ = to_;
+    from_ = to_ = 0;
+  }
+
   std::span<double> blocks_;
   std::span<ColumnSlot> slots_;
   std::span<int> start_;
   std::span<int> length_;
   int end_ = 0;
   int live_ = 0;
+  int from_ = 0;  ///< of a compaction under way
+  int to_ = 0;
 };
 
 }  // namespace maplet

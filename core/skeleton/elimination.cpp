@@ -56,7 +56,9 @@ void Elimination<Space>::begin() noexcept {
   // Room for twice what the affected columns held; else first throw the garbage out.
   int held = 0;
   for (int k = 0; k < count_; ++k) held += std::max(pool_.length(nodes_[k]), 4);
+  pool_.compact_some(8 * held);
   if (pool_.free_slots() < 2 * held && pool_.live() < pool_.end()) pool_.compact();
+  effort_ += 4 * held;
   prepare_ordering();
   pool_mark_ = pool_.end();
   phase_ = Phase::kOrder;
@@ -89,12 +91,11 @@ void Elimination<Space>::prepare_ordering() noexcept {
 }
 
 template <class Space>
-auto Elimination<Space>::run(Deadline deadline) noexcept -> Result {
-  constexpr int kEffortPerLook = 256;  // between looks at the clock
+auto Elimination<Space>::run(Allowance& allowance) noexcept -> Result {
   const auto late = [&] {
-    if (effort_ < kEffortPerLook) return false;
+    const int effort = effort_;
     effort_ = 0;
-    return deadline.expired();
+    return allowance.spend(effort);
   };
   if (phase_ == Phase::kOrder) {
     while (ordering_.remaining() > 0) {
@@ -184,6 +185,7 @@ void Elimination<Space>::commit() noexcept {
     }
     link(child, parent);
   }
+  effort_ += 4 * count_;
   phase_ = Phase::kIdle;
 }
 
@@ -220,6 +222,14 @@ void Elimination<Space>::forget(int node) noexcept {
   pool_.drop(node);
   anchored_[node] = 0.0;
   tree_[node] = {};
+}
+
+template <class Space>
+void Elimination<Space>::clear() noexcept {
+  pool_.clear();
+  for (Link& l : tree_) l = {};
+  for (double& a : anchored_) a = 0.0;
+  first_root_ = kNone;
 }
 
 template class Elimination<PlanarSpace>;

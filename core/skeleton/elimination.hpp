@@ -5,7 +5,7 @@
 #include <span>
 
 #include "core/base/arena.hpp"
-#include "core/base/deadline.hpp"
+#include "core/skeleton/allowance.hpp"
 #include "core/skeleton/column_pool.hpp"
 #include "core/skeleton/graph.hpp"
 #include "core/skeleton/ordering.hpp"
@@ -28,6 +28,7 @@ class Elimination {
  public:
   static constexpr int kNone = -1;
   static constexpr int kDim = Space::kDim;
+  static constexpr int kProductWork = kDim == 6 ? 4 : 1;  ///< of a product of two blocks
 
   enum class Result : std::uint8_t { kCommitted, kDeadline, kFull };
 
@@ -42,13 +43,15 @@ class Elimination {
   /// Everything touched; forgets the old factor's values, which takes `damping` * diag(H) in.
   void touch_all(double damping) noexcept;
   void begin() noexcept;
-  [[nodiscard]] Result run(Deadline deadline) noexcept;
+  [[nodiscard]] Result run(Allowance& allowance) noexcept;
   [[nodiscard]] bool busy() const noexcept { return phase_ != Phase::kIdle; }
   /// Gives the job up; the factor stays as it was. Possible before kCommitted, in the ordering
   /// only.
   void abandon() noexcept;
   /// Throws the pool's garbage out. @pre !busy()
   void compact() noexcept { pool_.compact(); }
+  /// Forgets the whole factor: nothing is eliminated any more. @pre !busy()
+  void clear() noexcept;
   /// Forgets a node that no factor touches and no column holds as a row. @pre !busy()
   void forget(int node) noexcept;
 

@@ -36,9 +36,9 @@ void Elimination<Space>::add_old_columns(int node) noexcept {
       const int from = pool_.slot(c).link;
       // A row that is not in the new column is fill that the old order made: its sum is zero.
       const int to = work_[pool_.slot(from).row].position;
-      if (to != kNone) block::add_product<kDim>(pool_.block(to), pool_.block(from), mine, 1.0);
+      if (to != kNone) block::add_product<kDim>(pool_.block(to), pool_.block(from), mine);
     }
-    effort_ += end - old.old_cursor;
+    effort_ += kProductWork * (end - old.old_cursor);
     if (++old.old_cursor < end) {
       Work& row = work_[pool_.slot(pool_.slot(old.old_cursor).link).row];
       old.old_next = row.old_head;
@@ -54,7 +54,7 @@ void Elimination<Space>::add_factors(int node) noexcept {
   using Map = Eigen::Map<typename Space::Block>;
   graph_.for_each_incident(node, [&](int index, int other) {
     Factor<Space>& f = graph_.factor(index);
-    if (!(f.state.in_job || (everything_ && f.state.active))) return;
+    if (!f.state.in_job) return;
     if (other != kNone && work_[other].rank < work_[node].rank) return;
     const auto add = [&](const typename Space::Pose& rel, double weight, double sign) {
       const HessianBlocks<Space> h = hessian(f, rel, sign * weight);
@@ -76,7 +76,7 @@ void Elimination<Space>::add_factors(int node) noexcept {
     f.rel_lin = relative_pose(graph_, f);
     f.weight_lin = f.weight;
     add(f.rel_lin, f.weight_lin, 1.0);
-    effort_ += 12;
+    effort_ += 16 * kProductWork;
   });
 }
 
@@ -89,9 +89,9 @@ void Elimination<Space>::subtract_new_columns(int node) noexcept {
     const int end = column.start + column.length;
     const double* mine = pool_.block(column.new_cursor);
     for (int c = column.new_cursor; c < end; ++c)
-      block::add_product<kDim>(pool_.block(work_[pool_.slot(c).row].position), pool_.block(c), mine,
-                               -1.0);
-    effort_ += end - column.new_cursor;
+      block::subtract_product<kDim>(pool_.block(work_[pool_.slot(c).row].position), pool_.block(c),
+                                    mine);
+    effort_ += kProductWork * (end - column.new_cursor);
     if (++column.new_cursor < end) {
       Work& row = work_[pool_.slot(column.new_cursor).row];
       column.new_next = row.new_head;
@@ -124,7 +124,7 @@ void Elimination<Space>::factorise_column(int node) noexcept {
   }
   for (int s = w.start + 1; s < w.start + w.length; ++s)
     block::solve_right<kDim>(pool_.block(s), diagonal);
-  effort_ += w.length;
+  effort_ += kProductWork * w.length;
   if (w.length < 2) return;
   w.new_cursor = w.start + 1;
   Work& row = work_[pool_.slot(w.new_cursor).row];

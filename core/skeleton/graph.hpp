@@ -62,7 +62,9 @@ struct Seniority {
 template <class Space>
 struct Node {
   typename Space::Pose pose;
-  typename Space::Pose backup;  ///< at the stepper's reference
+  /// At the stepper's reference; of a node that waits for elimination: in the frame of the node it
+  /// hangs from.
+  typename Space::Pose backup;
   Seniority seniority;
   int first_incidence = -1;  ///< 2 * factor + side
   int group = -1;            ///< the group's gauge node

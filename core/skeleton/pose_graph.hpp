@@ -18,6 +18,18 @@ struct PoseGraphLimits {
   int max_blocks = 0;  ///< of the Cholesky factor, the old and the new one together
 };
 
+/// How much the estimate may lag behind between updates that find nothing new (idle ones converge).
+struct SolvePolicy {
+  /// New factors wait for elimination while their chi2 sums up to less than this share of the
+  /// whole.
+  double defer_share = 0.05;
+  /// No step is made that gains a smaller share of chi2, or less chi2 than that.
+  double step_share = 1e-3;
+  double step_gain = 1e-6;
+  /// Limit of one update, in units of Allowance; the rest is carried over. 0: 2 ms or 3 (space).
+  std::int64_t work_per_update = 0;
+};
+
 /// How far the estimate came.
 struct SolveReport {
   Stop stop = Stop::kConverged;
@@ -42,7 +54,7 @@ class PoseGraph {
   using Tangent = typename Space::Tangent;
   using Block = typename Space::Block;
 
-  PoseGraph(const PoseGraphLimits& limits, Arena& arena);
+  PoseGraph(const PoseGraphLimits& limits, Arena& arena, const SolvePolicy& policy = {});
 
   /// A node on its own: a new group, of which it is the gauge. @pre !graph().nodes_full()
   int add_node(const Pose& pose, Seniority seniority) noexcept;
@@ -53,7 +65,8 @@ class PoseGraph {
   /// Scales a factor's information from now on; 0 switches it off.
   void set_weight(int factor, double weight) noexcept;
 
-  /// Anytime: eliminates what changed, then steps until nothing gains any more.
+  /// Anytime: eliminates what changed, then steps until nothing gains any more. After new input
+  /// within the policy's shares; called again without any (idle), until it has converged.
   SolveReport update(Deadline deadline, int max_iterations = 100) noexcept;
   /// From scratch: Levenberg-Marquardt with everything linearised anew at each step.
   SolveReport optimise(Deadline deadline, int max_iterations = 100) noexcept;
@@ -67,6 +80,10 @@ class PoseGraph {
     stepper_.evaluate_all();
     return stepper_.chi2();
   }
+  /// Nothing waits and no step gains any more.
+  [[nodiscard]] bool settled() const noexcept {
+    return settled_ && !new_input_ && dirty_count_ == 0 && !elimination_.busy() && !stepper_.busy();
+  }
   /// Factors set aside because their elimination did not fit in the pool of blocks.
   [[nodiscard]] std::uint64_t overflows() const noexcept { return overflows_; }
 
@@ -75,11 +92,20 @@ class PoseGraph {
   void join_groups(int a, int b, const Pose& z) noexcept;
   void move_group(int gauge, int new_gauge, const Pose& by) noexcept;
   void appoint_gauge(int node) noexcept;
+  void begin_job() noexcept;
   void start_job() noexcept;
+  void start_fresh_job(double damping) noexcept;
   void finish_job() noexcept;
   void overcome_overflow() noexcept;
+  void set_factors_aside() noexcept;
   void place_fresh_nodes() noexcept;
+  [[nodiscard]] int support(int node) const noexcept;
+  void hang_anew() noexcept;
+  void relax(int node) noexcept;
   [[nodiscard]] double tolerance(bool idle) const noexcept;
+  void relinearise() noexcept;
+  [[nodiscard]] bool any_stale() const noexcept;
+  [[nodiscard]] bool due(bool idle) const noexcept;
 
   Graph<Space> graph_;
   Elimination<Space> elimination_;
@@ -91,7 +117,15 @@ class PoseGraph {
   int job_count_ = 0;
   int fresh_count_ = 0;
   int newest_ = kNone;
+  SolvePolicy policy_;
+  double pending_ = 0.0;  ///< chi2 of factors that wait for elimination
+  bool new_input_ = false;
+  bool fresh_job_ = false;  ///< the job under way linearises everything
+  int misled_ = 0;          ///< steps that gained too little, since the last convergence
+  bool job_first_ = false;  ///< before the next step
+  bool refresh_ = false;    ///< everything is to be linearised anew, when idle
   bool objective_changed_ = false;
+  bool job_changes_objective_ = false;
   bool wants_step_ = false;
   bool settled_ = true;
   std::uint64_t overflows_ = 0;

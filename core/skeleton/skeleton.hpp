@@ -70,6 +70,8 @@ class Skeleton {
   /// Sum of weight * e^T information e.
   [[nodiscard]] double chi2() const noexcept { return report_.chi2; }
   [[nodiscard]] Stop stop() const noexcept { return report_.stop; }
+  /// Nothing waits and no step gains any more: update() would change nothing.
+  [[nodiscard]] bool settled() const noexcept { return solver_.settled(); }
 
   /// Nodes in order of arrival: index 0 .. node_count() - 1.
   struct NodeView {

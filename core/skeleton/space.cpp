@@ -33,6 +33,12 @@ Se2 PlanarSpace::retract(const Se2& a, const Tangent& xi) noexcept {
 
 PlanarSpace::Tangent PlanarSpace::error(const Se2& z, const Se2& rel) noexcept {
   const Se2 e = between(z, rel);
+  const double s2 = e.s * e.s;
+  if (e.c > 0.0 && s2 < 1e-3) {  // arcsin
+    return {e.x, e.y,
+            e.s * (1.0 +
+                   s2 * (1.0 / 6.0 + s2 * (3.0 / 40.0 + s2 * (5.0 / 112.0 + s2 * 35.0 / 1152.0))))};
+  }
   return {e.x, e.y, e.angle()};
 }
 
@@ -73,14 +79,46 @@ bool PlanarSpace::finite(const Se2& a) noexcept { return std::isfinite(a.x + a.y
 Se3 SpatialSpace::compose(const Se3& a, const Se3& b) noexcept { return a * b; }
 
 Se3 SpatialSpace::between(const Se3& a, const Se3& b) noexcept {
+  // Both are of length 1: no normalising here, compose does.
   const Eigen::Quaterniond qi = a.q.conjugate();
-  return {(qi * b.q).normalized(), qi * (b.t - a.t)};
+  return {qi * b.q, qi * (b.t - a.t)};
 }
 
 Se3 SpatialSpace::retract(const Se3& a, const Vector6d& xi) noexcept { return a * Se3::exp(xi); }
 
+namespace {
+
+/// k with SO(3)'s inverse Jacobian I -+ 1/2 [p]x + k [p]x^2, a2 = |p|^2.
+double inverse_jacobian_coefficient(double a2) noexcept {
+  if (a2 < 0.01) {
+    return 1.0 / 12.0 + a2 * (1.0 / 720.0 + a2 * (1.0 / 30240.0 + a2 * (1.0 / 1209600.0)));
+  }
+  const double a = std::sqrt(a2);
+  return (1.0 - 0.5 * a * std::sin(a) / (1.0 - std::cos(a))) / a2;
+}
+
+}  // namespace
+
 Vector6d SpatialSpace::error(const Se3& z, const Se3& rel) noexcept {
-  return between(z, rel).log();
+  // log of z^-1 rel by cross products, without SO(3)'s matrices.
+  const Se3 d = between(z, rel);
+  const double sign = d.q.w() < 0.0 ? -1.0 : 1.0;
+  const Eigen::Vector3d v = sign * d.q.vec();
+  const double n2 = v.squaredNorm();
+  double scale;  // angle / sin(angle / 2)
+  if (n2 < 1e-3) {
+    scale = 2.0 *
+            (1.0 + n2 * (1.0 / 6.0 + n2 * (3.0 / 40.0 + n2 * (5.0 / 112.0 + n2 * 35.0 / 1152.0))));
+  } else {
+    const double n = std::sqrt(n2);
+    scale = 2.0 * std::atan2(n, sign * d.q.w()) / n;
+  }
+  const Eigen::Vector3d theta = scale * v;
+  const Eigen::Vector3d cross = theta.cross(d.t);
+  Vector6d e;
+  e << d.t - 0.5 * cross + inverse_jacobian_coefficient(theta.squaredNorm()) * theta.cross(cross),
+      theta;
+  return e;
 }
 
 void SpatialSpace::jacobians(const Se3& /*z*/, const Se3& rel, const Vector6d& e, Matrix6d& by_a,
@@ -98,17 +136,16 @@ struct InverseRightJacobian {
 
   explicit InverseRightJacobian(const Vector6d& xi) noexcept : r{-xi.head<3>()}, p{-xi.tail<3>()} {
     const double a2 = p.squaredNorm();
-    if (a2 < 1e-4) {
-      k2 = 1.0 / 12.0 + a2 / 720.0;
-      c1 = 1.0 / 6.0 - a2 / 120.0;
-      c2 = 1.0 / 24.0 - a2 / 720.0;
-      c3 = 1.0 / 120.0 - a2 / 2520.0;
+    k2 = inverse_jacobian_coefficient(a2);
+    if (a2 < 0.01) {
+      c1 = 1.0 / 6.0 - a2 * (1.0 / 120.0 - a2 * (1.0 / 5040.0 - a2 / 362880.0));
+      c2 = 1.0 / 24.0 - a2 * (1.0 / 720.0 - a2 * (1.0 / 40320.0 - a2 / 3628800.0));
+      c3 = 1.0 / 120.0 - a2 * (1.0 / 2520.0 - a2 * (1.0 / 120960.0 - a2 / 9979200.0));
       return;
     }
     const double a = std::sqrt(a2);
     const double s = std::sin(a);
     const double c = std::cos(a);
-    k2 = (1.0 - 0.5 * a * s / (1.0 - c)) / a2;
     c1 = (a - s) / (a2 * a);
     c2 = (a2 + 2.0 * c - 2.0) / (2.0 * a2 * a2);
     c3 = (2.0 * a - 3.0 * s + a * c) / (2.0 * a2 * a2 * a);

@@ -25,15 +25,6 @@ Stepper<Space>::Stepper(Graph<Space>& graph, const Elimination<Space>& eliminati
       roots_{arena.make_array<int>(graph.max_nodes(), "skeleton/vectors")} {}
 
 template <class Space>
-bool Stepper<Space>::late(Deadline deadline, int work) noexcept {
-  constexpr int kWorkPerLook = 400;  // columns' blocks between looks at the clock
-  effort_ += work;
-  if (effort_ < kWorkPerLook) return false;
-  effort_ = 0;
-  return deadline.expired();
-}
-
-template <class Space>
 void Stepper<Space>::queue(int factor) noexcept {
   FactorState& s = graph_.factor(factor).state;
   if (s.queued || !s.active || !s.integrated) return;
@@ -47,19 +38,23 @@ void Stepper<Space>::forget_step() noexcept {
   take_reference();
   reference_ = -1.0;
   loss_ = 0.0;
-  last_power_ = expected_ = 0.0;
-  careful_ = false;
+  distrust_nothing();
 }
 
 template <class Space>
-void Stepper<Space>::conclude() noexcept {
-  if (reference_ < 0.0 || since_reference_ == 0) return;
+bool Stepper<Space>::catch_up(Allowance& allowance) noexcept {
   while (queue_count_ > 0) {
+    if (allowance.spend(kFactorWork)) return false;
     const int f = queue_[--queue_count_];
     graph_.factor(f).state.queued = false;
     evaluate(f);
   }
-  if (chi2_ > reference_) back_to_reference();
+  return true;
+}
+
+template <class Space>
+void Stepper<Space>::conclude() noexcept {
+  if (reference_ >= 0.0 && saved_count_ > 0 && !(chi2_ <= reference_)) back_to_reference();
   take_reference();
 }
 
@@ -82,24 +77,16 @@ void Stepper<Space>::back_to_reference() noexcept {
 }
 
 template <class Space>
-auto Stepper<Space>::step(Deadline deadline, double tolerance) noexcept -> Result {
-  if (phase_ == Phase::kIdle) {
-    phase_ = Phase::kEvaluate;
-    effort_ = 0;
-  }
+auto Stepper<Space>::step(Allowance& allowance, double tolerance) noexcept -> Result {
+  if (phase_ == Phase::kIdle) phase_ = Phase::kEvaluate;
   if (phase_ == Phase::kEvaluate) {
-    while (queue_count_ > 0) {
-      if (late(deadline, 6 * kDim)) return Result::kDeadline;
-      const int f = queue_[--queue_count_];
-      graph_.factor(f).state.queued = false;
-      evaluate(f);
-    }
+    if (!catch_up(allowance)) return Result::kDeadline;
     if (const Result verdict = judge(tolerance); verdict != Result::kDeadline) {
       phase_ = Phase::kIdle;
       return verdict;
     }
     prune_ = 1e-3 * tolerance;
-    mark_paths(1e-4 * tolerance / std::max(1, graph_.node_count()));
+    mark_paths(1e-6 * tolerance / std::max(1, graph_.node_count()));
     sequence_marked();
     cursor_ = sequence_count_;
     predicted_ = 0.0;
@@ -107,7 +94,7 @@ auto Stepper<Space>::step(Deadline deadline, double tolerance) noexcept -> Resul
   }
   if (phase_ == Phase::kForward) {
     while (cursor_ > 0) {
-      if (late(deadline, elimination_.pool().length(sequence_[cursor_ - 1])))
+      if (allowance.spend(kColumnWork * elimination_.pool().length(sequence_[cursor_ - 1])))
         return Result::kDeadline;
       forward_one(sequence_[--cursor_]);
     }
@@ -118,12 +105,19 @@ auto Stepper<Space>::step(Deadline deadline, double tolerance) noexcept -> Resul
     start_backward();
     phase_ = Phase::kBackward;
   }
-  if (!backward(deadline)) return Result::kDeadline;
+  if (phase_ == Phase::kBackward) {
+    if (!backward(allowance)) return Result::kDeadline;
+    phase_ = Phase::kMove;
+    // The move is not divided: in the next call, when this one has no room for it.
+    if (!allowance.fits(kFactorWork * std::min(3 * moved_count_, graph_.factor_count())))
+      return Result::kDeadline;
+  }
   stale_above_ = std::max(1e-2 * tolerance, 1e-4 * predicted_);
   for (int k = 0; k < seed_count_; ++k) state_[seeds_[k]].seed = false;
   seed_count_ = 0;
   aim();
   move();
+  (void)allowance.spend(kFactorWork * (moved_count_ + queue_count_));
   phase_ = Phase::kIdle;
   return Result::kMoved;
 }
@@ -135,8 +129,17 @@ template <class Space>
 auto Stepper<Space>::judge(double tolerance) noexcept -> Result {
   const double loss = loss_;
   loss_ = 0.0;
-  if (expected_ > 0.0 && last_chi2_ - chi2_ < 0.5 * expected_ - tolerance) careful_ = true;
+  const bool poor = expected_ > 0.0 && last_chi2_ - chi2_ < 0.5 * expected_ - tolerance;
+  // Anew only for a miss that counts: a few steps cost less than all columns.
+  const bool misled = poor && last_chi2_ - chi2_ < 0.5 * expected_ - 10.0 * tolerance;
   expected_ = 0.0;
+  if ((misled || misjudges_) && since_refresh_ > 1) {
+    if (reference_ >= 0.0 && !(chi2_ <= reference_)) back_to_reference();
+    since_refresh_ = 0;
+    misjudges_ = false;
+    return Result::kMisled;
+  }
+  careful_ = careful_ || poor;
   if (reference_ < 0.0 || chi2_ <= reference_ + 0.1 * tolerance) {
     take_reference();
     scale_ = std::min(1.0, 2.0 * scale_);
@@ -178,7 +181,7 @@ void Stepper<Space>::aim() noexcept {
     graph_.for_each_incident(moved_[k], [&](int f, int) { queue(f); });
   double length = scale_;
   expected_ = predicted_ * scale_ * (2.0 - scale_);
-  if (careful_) {
+  if (careful_ || since_refresh_ > 0) {  // a mixture of old and new: its steps may be far too long
     double slope = 0.0;
     for (int k = 0; k < moved_count_; ++k)
       slope += state_[moved_[k]].gradient.dot(state_[moved_[k]].direction);
@@ -186,6 +189,7 @@ void Stepper<Space>::aim() noexcept {
     if (bend > 0.0 && slope > 0.0) {
       length *= slope / bend;
       expected_ = slope * slope / bend * scale_ * (2.0 - scale_);
+      misjudges_ = expected_ < 0.3 * predicted_ * scale_ * (2.0 - scale_);
     }
   }
   for (int k = 0; k < moved_count_; ++k) {
@@ -197,6 +201,7 @@ void Stepper<Space>::aim() noexcept {
 template <class Space>
 void Stepper<Space>::move() noexcept {
   last_chi2_ = chi2_;
+  ++since_refresh_;
   for (int k = 0; k < moved_count_; ++k) {
     const int i = moved_[k];
     Node<Space>& n = graph_.node(i);
@@ -218,7 +223,8 @@ double Stepper<Space>::full_step() noexcept {
   predicted_ = 0.0;
   for (int k = sequence_count_; k > 0;) forward_one(sequence_[--k]);
   start_backward();
-  (void)backward(Deadline::never());
+  Allowance unlimited = Allowance::unlimited();
+  (void)backward(unlimited);
   scale_ = 1.0;
   aim();
   move();

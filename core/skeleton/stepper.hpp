@@ -5,7 +5,7 @@
 #include <span>
 
 #include "core/base/arena.hpp"
-#include "core/base/deadline.hpp"
+#include "core/skeleton/allowance.hpp"
 #include "core/skeleton/elimination.hpp"
 #include "core/skeleton/graph.hpp"
 
@@ -24,6 +24,8 @@ class Stepper {
  public:
   static constexpr int kNone = -1;
   static constexpr int kDim = Space::kDim;
+  static constexpr int kFactorWork = kDim == 6 ? 20 : 6;  ///< of evaluating a factor
+  static constexpr int kColumnWork = kDim == 6 ? 3 : 1;   ///< of solving with a column, a block
   using Tangent = typename Space::Tangent;
 
   enum class Result : std::uint8_t {
@@ -31,6 +33,7 @@ class Stepper {
     kMoved,      ///< a step was made
     kConverged,  ///< no step gains more than the tolerance
     kStale,      ///< the last step was poor: relinearise(), eliminate, call again
+    kMisled,     ///< it gained far less than promised: what is stale must be linearised anew
     kStuck,      ///< no step along the direction gains anything
   };
 
@@ -39,16 +42,32 @@ class Stepper {
   /// Brings a factor's error and gradient up to date. @return how much weight * chi2 changed
   double evaluate(int factor) noexcept;
   void evaluate_all() noexcept;
+  /// As evaluate, of a factor that has just been eliminated: no step's model is judged by it.
+  double evaluate_new(int factor) noexcept {
+    const double loss = loss_;
+    loss_ = -1.0;
+    const double change = evaluate(factor);
+    loss_ = loss;
+    return change;
+  }
   /// Takes a factor's share out; it is about to be removed or switched off.
   void withdraw(int factor) noexcept;
   /// The objective changed (factors, weights, groups): lows so far do not compare with what
   /// follows.
   void forget_step() noexcept;
+  /// Evaluates the factors that the last step moved. @return false when the allowance is spent
+  bool catch_up(Allowance& allowance) noexcept;
   /// To call before the objective changes: leaves no step behind that has made things worse.
+  /// @pre caught up
   void conclude() noexcept;
+  /// The factor at hand is new: no step was misled by it yet.
+  void distrust_nothing() noexcept {
+    last_power_ = expected_ = 0.0;
+    careful_ = false;
+  }
 
   /// Works towards one step. @param tolerance  gain (in chi2) below which no step is made
-  [[nodiscard]] Result step(Deadline deadline, double tolerance) noexcept;
+  [[nodiscard]] Result step(Allowance& allowance, double tolerance) noexcept;
   /// A whole step without guard and pruning. @return its predicted gain
   double full_step() noexcept;
   /// Undoes the last full step.
@@ -75,7 +94,7 @@ class Stepper {
  private:
   static constexpr int kPatience = 4;  ///< steps that may pass without a new low
 
-  enum class Phase : std::uint8_t { kIdle, kEvaluate, kForward, kBackward };
+  enum class Phase : std::uint8_t { kIdle, kEvaluate, kForward, kBackward, kMove };
 
   void queue(int factor) noexcept;
   void note_staleness(int factor, const typename Space::Pose& rel, const Tangent& before) noexcept;
@@ -88,12 +107,11 @@ class Stepper {
   /// @return whether anything below may move
   bool backward_one(int node, double threshold) noexcept;
   void start_backward() noexcept;
-  bool backward(Deadline deadline) noexcept;
+  bool backward(Allowance& allowance) noexcept;
   void aim() noexcept;
   [[nodiscard]] double curvature() noexcept;
   void move() noexcept;
   [[nodiscard]] Result judge(double tolerance) noexcept;
-  [[nodiscard]] bool late(Deadline deadline, int work) noexcept;
 
   struct State {  // of a node
     Tangent gradient = Tangent::Zero();
@@ -127,6 +145,7 @@ class Stepper {
   int root_count_ = 0;
   int saved_count_ = 0;
   int since_reference_ = 0;
+  int since_refresh_ = 0;  ///< steps since everything was linearised anew
   int cursor_ = 0;
   int root_cursor_ = 0;
   int walk_ = kNone;  ///< backward's place in the tree
@@ -141,10 +160,10 @@ class Stepper {
   double predicted_ = 0.0;
   double last_power_ = 0.0;  ///< predicted_ of the step before, while directions conjugate
   double expected_ = 0.0;    ///< decrease of chi2 that the last step's model promised
+  bool misjudges_ = false;   ///< its curvature along the last direction was far off
   bool careful_ = false;     ///< the factor at hand is too stale for its steps to be believed
   double prune_ = 0.0;
   double scale_ = 1.0;
-  int effort_ = 0;
 };
 
 extern template class Stepper<PlanarSpace>;

@@ -183,7 +183,6 @@ bool Stepper<Space>::backward_one(int node, double threshold) noexcept {
     any = true;
     block::subtract_transposed_times<kDim>(state.delta.data(), pool.block(s), row.delta.data());
   }
-  effort_ += end - start;
   if (!any) return false;
   // delta = C^-T d, and d^T d is what leaving it out would cost.
   const bool moves = state.delta.squaredNorm() > threshold || threshold == 0.0;
@@ -226,12 +225,12 @@ double Stepper<Space>::curvature() noexcept {
 
 // Down the trees of the marked roots, leaving out what the step does not reach.
 template <class Space>
-bool Stepper<Space>::backward(Deadline deadline) noexcept {
+bool Stepper<Space>::backward(Allowance& allowance) noexcept {
   while (root_cursor_ < root_count_) {
     const int root = roots_[root_cursor_];
     if (walk_ == kNone) walk_ = root;
     while (walk_ != kNone) {
-      if (late(deadline, 0)) return false;
+      if (allowance.spend(kColumnWork * elimination_.pool().length(walk_))) return false;
       int next = backward_one(walk_, prune_) ? elimination_.first_child(walk_) : kNone;
       while (next == kNone && walk_ != root) {
         next = elimination_.next_sibling(walk_);
@@ -257,7 +256,7 @@ bool Stepper<Space>::backward(Deadline deadline) noexcept {
   template bool Stepper<Space>::backward_one(int, double) noexcept;                \
   template void Stepper<Space>::start_backward() noexcept;                         \
   template double Stepper<Space>::curvature() noexcept;                            \
-  template bool Stepper<Space>::backward(Deadline) noexcept;
+  template bool Stepper<Space>::backward(Allowance&) noexcept;
 MAPLET_INSTANTIATE(PlanarSpace)
 MAPLET_INSTANTIATE(SpatialSpace)
 #undef MAPLET_INSTANTIATE

@@ -12,6 +12,7 @@
 
 #include "core/skeleton/linearise.hpp"
 #include "core/skeleton/pose_graph.hpp"
+#include "tools/solve/fill.hpp"
 #include "tools/solve/heap_count.hpp"
 
 namespace maplet::graphs {
@@ -62,13 +63,15 @@ std::uint64_t moment(std::uint64_t id) { return id & ((std::uint64_t{1} << 56) -
 
 template <class Space>
 class Run {
+  static constexpr int kMostIdleSteps = 20'000;
+
  public:
   Run(const GraphFile& file, const SolveOptions& options) : file_{file}, options_{options} {
     prepare();
     PoseGraphLimits limits;
     limits.max_nodes = std::max<int>(2, static_cast<int>(nodes_wanted_));
     limits.max_factors = std::max<int>(1, static_cast<int>(order_.size()));
-    limits.max_blocks = 64 * limits.max_nodes + 1024;
+    limits.max_blocks = blocks_wanted();
     arena_.emplace(std::size_t{1} << 34);
     solver_.emplace(limits, *arena_);
     (void)arena_->seal(false);
@@ -122,6 +125,19 @@ class Run {
     for (const Vertex& v : file_.vertices) start_.try_emplace(v.id, v.pose);
   }
 
+  /// Room for the old factor and the new one, with some fill to spare.
+  [[nodiscard]] int blocks_wanted() const {
+    std::unordered_map<std::uint64_t, int> index;
+    std::vector<std::pair<int, int>> pairs;
+    const auto of = [&](std::uint64_t id) {
+      return index.try_emplace(id, static_cast<int>(index.size())).first->second;
+    };
+    for (const Item& item : order_)
+      pairs.emplace_back(of(file_.edges[item.edge].a), of(file_.edges[item.edge].b));
+    const int fill = factor_blocks(static_cast<int>(index.size()), pairs);
+    return 2 * fill + fill / 4 + 1024;
+  }
+
   int node(std::uint64_t id) {
     const auto found = node_of_.find(id);
     if (found != node_of_.end()) return found->second;
@@ -150,7 +166,7 @@ class Run {
         if (const auto n = node_of_.find(id); n != node_of_.end())
           solver_->graph().node(n->second).pose = to_pose(pose, Space{});
     }
-    timed([&] { return solver_->optimise(Deadline::never(), 200).iterations; });
+    timed([&] { return solver_->optimise(Deadline::never(), 200); });
   }
 
   void incremental() {
@@ -168,11 +184,14 @@ class Run {
       timed([&] {
         const Deadline end = deadline();
         for (std::size_t k = first; k < i; ++k) add(order_[k].edge);
-        return solver_->update(end).iterations;
+        return solver_->update(end);
       });
     }
-    for (int k = 0; k < options_.idle_steps; ++k)
-      timed([&] { return solver_->update(deadline()).iterations; });
+    // After the last pose: as many steps as were asked for; else, with no budget, until it settles.
+    const bool to_the_end = !options_.budget_us && options_.idle_steps == 0;
+    const int idle = to_the_end ? kMostIdleSteps : options_.idle_steps;
+    for (int k = 0; k < idle && !(to_the_end && solver_->settled()); ++k)
+      timed([&] { return solver_->update(deadline()); });
   }
 
   template <class Step>
@@ -182,7 +201,9 @@ class Run {
     const auto wall = Wall::now();
     const Instant cpu = cpu_.now();
     StepTrace trace;
-    trace.iterations = step();
+    const SolveReport report = step();
+    trace.iterations = report.iterations;
+    trace.chi2 = report.chi2;
     trace.cpu_us = seconds(cpu_.now() - cpu) * 1e6;
     trace.wall_us = std::chrono::duration<double, std::micro>(Wall::now() - wall).count();
     outcome_.heap_allocations += heap_allocations() - heap;

@@ -115,7 +115,10 @@ TYPED_TEST(PoseGraphTest, IncrementalAndBatchMeetAtTheSameOptimum) {
     EXPECT_EQ(batch.optimise(Deadline::never()).stop, Stop::kConverged);
     const double best = batch.chi2();
     EXPECT_GT(best, 1.0);
-    EXPECT_NEAR(incremental.chi2(), best, 1e-3 * best);
+    EXPECT_LT(incremental.chi2(), 1.05 * best);  // within the policy's shares at any time
+    for (int k = 0; k < 500 && !incremental.settled(); ++k) incremental.update(Deadline::never());
+    EXPECT_TRUE(incremental.settled());
+    EXPECT_NEAR(incremental.chi2(), best, 1e-6 * best);
     incremental.optimise(Deadline::never());
     for (int i = 0; i < 200; ++i)
       EXPECT_LT(Space::error(batch.graph().node(i).pose, incremental.graph().node(i).pose).norm(),
