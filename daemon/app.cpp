@@ -11,6 +11,7 @@
 #include <thread>
 
 #include "core/base/crc.hpp"
+#include "core/frame/sensor_kind.hpp"
 #include "daemon/alloc_counter.hpp"
 #include "daemon/config_io.hpp"
 #include "daemon/log.hpp"
@@ -69,6 +70,16 @@ MapletRecord record_of(const MapletCut& closed) {
           static_cast<std::uint16_t>(closed.maplet.keyframes.size()), closed.bytes};
 }
 
+/// What the configuration leaves at 0 is that of a typical sensor of the kind.
+NoiseModel noise_model(const CameraConfig& c) {
+  NoiseModel model = typical_noise(*sensor_kind(c.noise));
+  if (c.disparity_k > 0.0) model.disparity_k = c.disparity_k;
+  if (c.tof_floor_m > 0.0) model.tof_floor_m = c.tof_floor_m;
+  if (c.tof_slope > 0.0) model.tof_slope = c.tof_slope;
+  if (c.correlated_px > 0.0) model.correlated_px = c.correlated_px;
+  return model;
+}
+
 SourceOptions source_options(const Config& config) {
   const CameraConfig& c = config.camera;
   SourceOptions options;
@@ -76,11 +87,7 @@ SourceOptions source_options(const Config& config) {
   options.metres_per_unit = c.metres_per_unit;
   options.registered_to_colour = c.registered_to_colour;
   options.gray = config.input.gray == "auto";
-  options.noise.kind =
-      c.noise == "tof" ? NoiseModel::Kind::kTimeOfFlight : NoiseModel::Kind::kDisparity;
-  options.noise.disparity_k = c.disparity_k;
-  options.noise.tof_floor_m = c.tof_floor_m;
-  options.noise.tof_slope = c.tof_slope;
+  options.noise = noise_model(c);
   return options;
 }
 

@@ -34,10 +34,11 @@ struct CameraConfig {
   double cy_px = 0.0;
   double metres_per_unit = 0.001;
   bool registered_to_colour = false;
-  std::string noise = "disparity";
-  double disparity_k = 1.425e-3;
-  double tof_floor_m = 0.004;
-  double tof_slope = 0.002;
+  std::string noise = "structured_light";
+  double disparity_k = 0.0;
+  double tof_floor_m = 0.0;
+  double tof_slope = 0.0;
+  double correlated_px = 0.0;
 
   static constexpr Field<CameraConfig> kFields[] = {
       {"width_px", &CameraConfig::width_px, 0, kMaxWidthPx, "Image width; 0 = as the source says"},
@@ -50,14 +51,18 @@ struct CameraConfig {
       {"metres_per_unit", &CameraConfig::metres_per_unit, 1e-6, 1.0, "Metres of one depth unit"},
       {"registered_to_colour", &CameraConfig::registered_to_colour, 0, 0,
        "Gray has the viewpoint of depth, so that it may be used"},
-      {"noise", &CameraConfig::noise, 0, 0,
-       "Noise model: disparity (structured light, stereo) or tof", "disparity|tof"},
-      {"disparity_k", &CameraConfig::disparity_k, 1e-6, 1.0,
-       "Disparity noise: sigma_z = k z^2, k in 1/m"},
+      {"noise", &CameraConfig::noise, 0, 0, "Noise model of the sensor",
+       "structured_light|stereo|tof"},
+      {"disparity_k", &CameraConfig::disparity_k, 0.0, 1.0,
+       "Structured light and stereo: sigma_z = k z^2, k = sigma of disparity / (focal length * "
+       "baseline) in 1/m; 0 = typical: 0.001425 and 0.0038"},
       {"tof_floor_m", &CameraConfig::tof_floor_m, 0.0, 1.0,
-       "Time of flight: sigma_z = floor + slope z"},
+       "Time of flight: sigma_z = floor + slope z; 0 = typical: 0.004"},
       {"tof_slope", &CameraConfig::tof_slope, 0.0, 1.0,
-       "Time of flight: sigma_z = floor + slope z"},
+       "Time of flight: sigma_z = floor + slope z; 0 = typical: 0.002"},
+      {"correlated_px", &CameraConfig::correlated_px, 0.0, 1000.0,
+       "Pixels whose noise together tells as much as one independent pixel; 0 = typical: 4, 16 for "
+       "stereo, 2 for tof"},
   };
 };
 

@@ -1,6 +1,8 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #include "core/frame/decimator.hpp"
 
+#include <algorithm>
+
 #include "core/limits.hpp"
 
 namespace maplet {
@@ -37,6 +39,8 @@ DepthFrame Decimator::run(const DepthFrame& frame) noexcept {
   out.depth = decimate(frame.depth, step_, depth_);
   out.gray = decimate(frame.gray, step_, gray_);
   out.camera = frame.camera.decimated(step_);
+  // Pixels that are kept lie farther apart.
+  out.noise.correlated_px = std::max(1.0, frame.noise.correlated_px / (step_ * step_));
   return out;
 }
 

@@ -4,8 +4,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/patches/block_count.hpp"
-
 namespace maplet {
 
 DepthScale DepthScale::of(double metres_per_unit) noexcept {
@@ -22,22 +20,111 @@ DepthScale DepthScale::of(double metres_per_unit) noexcept {
   return scale;
 }
 
-Moments BlockSums::moments(int u0, int v0, int row_step) const noexcept {
+namespace {
+
+struct WSums {
+  double w, uw, vw, ww;
+};
+
+/// Sums over pixels counted from a corner become moments counted from elsewhere.
+[[gnu::always_inline]] inline Moments shifted(const PixelCount& c, const WSums& s, std::int32_t w0,
+                                              int u0, int v0, int row_step) noexcept {
   const double step = row_step;
   const double du = u0, dv = v0, dw = w0;
-  const double count = n, su = u, sv = v * step, sw = w;
+  const double n = c.n, u = c.u, v = c.v * step, vw = s.vw * step;
+  const double n_du = n * du, n_dv = n * dv, n_dw = n * dw;
   Moments m;
-  m.n = count;
-  m.u = su + count * du;
-  m.v = sv + count * dv;
-  m.w = sw + count * dw;
-  m.uu = uu + 2.0 * du * su + count * du * du;
-  m.uv = uv * step + du * sv + dv * su + count * du * dv;
-  m.vv = vv * step * step + 2.0 * dv * sv + count * dv * dv;
-  m.uw = uw + du * sw + dw * su + count * du * dw;
-  m.vw = vw * step + dv * sw + dw * sv + count * dv * dw;
-  m.ww = ww + 2.0 * dw * sw + count * dw * dw;
+  m.n = n;
+  m.u = u + n_du;
+  m.v = v + n_dv;
+  m.w = s.w + n_dw;
+  m.uu = c.uu + du * (2.0 * u + n_du);
+  m.uv = c.uv * step + du * v + dv * (u + n_du);
+  m.vv = c.vv * step * step + dv * (2.0 * v + n_dv);
+  m.uw = s.uw + du * s.w + dw * (u + n_du);
+  m.vw = vw + dv * s.w + dw * (v + n_dv);
+  m.ww = s.ww + dw * (2.0 * s.w + n_dw);
   return m;
+}
+
+WSums all_quarters(const BlockSums& b) noexcept {
+  std::int64_t ww = 0;
+  std::int32_t w = 0, uw = 0, vw = 0;
+  for (const BlockSums::Quarter& q : b.quarters) w += q.w, uw += q.uw, vw += q.vw, ww += q.ww;
+  return {static_cast<double>(w), static_cast<double>(uw), static_cast<double>(vw),
+          static_cast<double>(ww)};
+}
+
+/// Of a row of 8 pixels by its bits: how many, and sums of u and u^2.
+struct RowCount {
+  std::uint8_t n, u, uu;
+};
+constexpr std::array<RowCount, 256> kRowCounts = [] {
+  std::array<RowCount, 256> out{};
+  for (unsigned bits = 0; bits < 256; ++bits) {
+    for (unsigned u = 0; u < 8; ++u) {
+      if ((bits >> u & 1U) == 0) continue;
+      out[bits].n = static_cast<std::uint8_t>(out[bits].n + 1);
+      out[bits].u = static_cast<std::uint8_t>(out[bits].u + u);
+      out[bits].uu = static_cast<std::uint8_t>(out[bits].uu + u * u);
+    }
+  }
+  return out;
+}();
+
+constexpr PixelCount kFull{64, 224, 224, 1120, 784, 1120};
+constexpr std::array<PixelCount, 4> kFullQuarters{{{16, 24, 24, 56, 36, 56},
+                                                   {16, 88, 24, 504, 132, 56},
+                                                   {16, 24, 88, 56, 132, 504},
+                                                   {16, 88, 88, 504, 484, 504}}};
+
+}  // namespace
+
+PixelCount PixelCount::of(std::uint64_t valid) noexcept {
+  if (valid == BlockSums::kAll) return kFull;
+  PixelCount out;
+  for (int v = 0; valid != 0; ++v, valid >>= 8) {
+    const RowCount& row = kRowCounts[valid & 0xFF];
+    out.n += row.n;
+    out.u += row.u;
+    out.uu += row.uu;
+    out.v += v * row.n;
+    out.uv += v * row.u;
+    out.vv += v * v * row.n;
+  }
+  return out;
+}
+
+Moments BlockSums::moments(int u0, int v0, int row_step) const noexcept {
+  if (valid == kAll && row_step == 1) return shifted(kFull, all_quarters(*this), w0, u0, v0, 1);
+  return shifted(PixelCount::of(valid), all_quarters(*this), w0, u0, v0, row_step);
+}
+
+Moments BlockSums::quarter_moments(int quarter, int u0, int v0, int row_step) const noexcept {
+  const Quarter& q = quarters[static_cast<std::size_t>(quarter)];
+  const WSums sums{static_cast<double>(q.w), static_cast<double>(q.uw), static_cast<double>(q.vw),
+                   static_cast<double>(q.ww)};
+  const std::uint64_t own = valid & mask(quarter);
+  const bool full = own == mask(quarter);
+  return shifted(full ? kFullQuarters[static_cast<std::size_t>(quarter)] : PixelCount::of(own),
+                 sums, w0, u0, v0, row_step);
+}
+
+double BlockSums::full_rss() const noexcept {
+  constexpr double kVariance = 64.0 * 5.25;  // sum of (u - 3.5)^2
+  const WSums s = all_quarters(*this);
+  const double uw = s.uw - 3.5 * s.w;
+  const double vw = s.vw - 3.5 * s.w;
+  return std::max(0.0, s.ww - s.w * s.w / 64.0 - (uw * uw + vw * vw) / kVariance);
+}
+
+double BlockSums::full_quarter_rss(int quarter) const noexcept {
+  constexpr double kVariance = 16.0 * 1.25;  // sum of (u - 1.5)^2
+  const Quarter& q = quarters[static_cast<std::size_t>(quarter)];
+  const double w = q.w;
+  const double uw = q.uw - (quarter % 2 == 0 ? 1.5 : 5.5) * w;
+  const double vw = q.vw - (quarter / 2 == 0 ? 1.5 : 5.5) * w;
+  return std::max(0.0, q.ww - w * w / 16.0 - (uw * uw + vw * vw) / kVariance);
 }
 
 namespace {
@@ -74,10 +161,9 @@ void sum_block_plain(const std::uint16_t* pixels, std::ptrdiff_t stride_px, int 
       if (!scale.valid(raw)) continue;
       const std::int32_t d =
           std::clamp(steps_of(raw, scale) - out.w0, -kMaxBlockStep, kMaxBlockStep);
-      out.n += 1;
-      out.u += u, out.v += v;
-      out.uu += u * u, out.uv += u * v, out.vv += v * v;
-      out.w += d, out.uw += u * d, out.vw += v * d, out.ww += d * d;
+      out.valid |= std::uint64_t{1} << (8 * v + u);
+      BlockSums::Quarter& q = out.quarters[static_cast<std::size_t>(v / 4 * 2 + u / 4)];
+      q.w += d, q.uw += u * d, q.vw += v * d, q.ww += d * d;
     }
   }
 }

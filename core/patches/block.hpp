@@ -1,6 +1,8 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
+#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <string_view>
@@ -29,18 +31,43 @@ struct DepthScale {
 /// Nearer than this is no depth: keeps 1/Z within 19 bits.
 inline constexpr double kNearestM = 0.0625;
 /// Differences of 1/Z inside a block are clamped to this many steps (a quarter of 1/m): flat pixels
-/// never get there, and sums stay within 32 bits.
+/// never get there, and sums over a quarter stay within 31 bits.
 inline constexpr int kMaxBlockStep = 8191;
 
-/// Integer sums over a block; u, v count from its top left pixel and w from w0.
-struct BlockSums {
+/// How many pixels, and sums of their places.
+struct PixelCount {
   std::int32_t n = 0, u = 0, v = 0, uu = 0, uv = 0, vv = 0;
-  std::int32_t w = 0, uw = 0, vw = 0, ww = 0;
-  std::int32_t w0 = 0;
+
+  /// @param valid  bit 8 v + u of each pixel that counts
+  [[nodiscard]] static PixelCount of(std::uint64_t valid) noexcept;
+};
+
+/// Integer sums over a block, a quarter at a time; u, v count from the block's top left pixel and w
+/// from w0.
+struct BlockSums {
+  struct Quarter {
+    std::int32_t w, uw, vw, ww;
+  };
+  static constexpr std::uint64_t kAll = ~std::uint64_t{0};
+
+  std::uint64_t valid;  ///< bit 8 v + u
+  std::int32_t w0;
+  std::array<Quarter, 4> quarters;  ///< top left, top right, bottom left, bottom right
+
+  /// The pixels of a quarter.
+  [[nodiscard]] static constexpr std::uint64_t mask(int quarter) noexcept {
+    return std::uint64_t{0x0F0F0F0F} << (quarter % 2 * 4 + quarter / 2 * 32);
+  }
+  [[nodiscard]] int pixels() const noexcept { return std::popcount(valid); }
 
   /// @param u0, v0    the top left pixel, counted from the image's middle pixel
   /// @param row_step  rows of the block are this far apart
   [[nodiscard]] Moments moments(int u0, int v0, int row_step) const noexcept;
+  [[nodiscard]] Moments quarter_moments(int quarter, int u0, int v0, int row_step) const noexcept;
+  /// The residual of the least-squares plane of a block, or of its quarter, without a hole and with
+  /// row_step 1: O(1).
+  [[nodiscard]] double full_rss() const noexcept;
+  [[nodiscard]] double full_quarter_rss(int quarter) const noexcept;
 };
 
 /// Sums `blocks` neighbouring blocks of `rows` <= 8 rows. All variants give the same integers.
@@ -61,6 +88,9 @@ struct BlockVariant {
 [[nodiscard]] std::vector<BlockVariant> block_variants();
 
 namespace block {
+/// What the differences of a block count from: its middle pixel, or the nearest valid one.
+[[nodiscard]] std::int32_t reference(const std::uint16_t* pixels, std::ptrdiff_t stride_px,
+                                     int columns, int rows, const DepthScale& scale) noexcept;
 void sum_blocks_sse2(const std::uint16_t* pixels, std::ptrdiff_t stride_px, int rows, int blocks,
                      const DepthScale& scale, BlockSums* out) noexcept;
 void sum_blocks_avx2(const std::uint16_t* pixels, std::ptrdiff_t stride_px, int rows, int blocks,

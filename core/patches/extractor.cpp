@@ -8,9 +8,16 @@ namespace maplet {
 
 namespace {
 
+/// A gray image of another size than the depth image is not its own.
+bool has_gray(const DepthFrame& frame) noexcept {
+  return !frame.gray.empty() && frame.gray.width_px == frame.depth.width_px &&
+         frame.gray.height_px == frame.depth.height_px;
+}
+
 /// Mean gray of a rectangle, from every second row.
-float mean_gray(const ImageView<std::uint8_t>& gray, const Patch& patch) noexcept {
-  if (gray.empty()) return -1.0F;
+float mean_gray(const DepthFrame& frame, const Patch& patch) noexcept {
+  if (!has_gray(frame)) return -1.0F;
+  const ImageView<std::uint8_t>& gray = frame.gray;
   std::uint32_t sum = 0;
   std::uint32_t count = 0;
   for (int v = patch.v_px; v < patch.v_px + patch.height_px; v += 2) {
@@ -33,6 +40,21 @@ constexpr int kCoarsestCellPx = 64;
 /// A plane that looks smoother than this share of the noise model has been lucky.
 constexpr double kLeastNoise = 0.4;
 
+/// Intrinsics beyond these are no camera's, and their squares would leave the range of a double.
+constexpr double kLeastFocalPx = 1e-3;
+constexpr double kMostPx = 1e9;
+constexpr double kMostCorrelatedPx = 1e4;
+
+bool usable(const DepthFrame& frame) noexcept {
+  const CameraModel& c = frame.camera;
+  const auto focal = [](double f) {
+    return std::abs(f) >= kLeastFocalPx && std::abs(f) <= kMostPx;
+  };
+  return c.valid() && c.width_px == frame.depth.width_px && c.height_px == frame.depth.height_px &&
+         focal(c.fx_px) && focal(c.fy_px) && std::abs(c.cx_px) <= kMostPx &&
+         std::abs(c.cy_px) <= kMostPx;
+}
+
 constexpr double kSquaredSteps = kInverseDepthSteps * kInverseDepthSteps;
 
 }  // namespace
@@ -54,9 +76,10 @@ const PatchSet& PatchExtractor::run(const DepthFrame& frame, Deadline deadline) 
   out_->clear();
   out_->camera = frame.camera;
   refiner_.forget();
-  if (!frame.camera.valid()) return *out_;
+  if (!usable(frame)) return *out_;
   pixel_frame_ = PixelFrame{frame.camera};
-  correlated_px_ = std::max(1.0, frame.noise.correlated_px);
+  correlated_px_ = std::clamp(frame.noise.correlated_px, 1.0, kMostCorrelatedPx);
+  if (!(frame.noise.correlated_px >= 1.0)) correlated_px_ = 1.0;  // NaN too
 
   const Plan when = plan(frame, deadline);
   const int cell_px = pyramid_.finest(frame.depth.width_px, frame.depth.height_px).cell_px;
@@ -152,13 +175,13 @@ void PatchExtractor::name_cells() noexcept {
     if (candidate < 0) continue;
     const auto name = static_cast<std::uint8_t>(candidate);
     if (leaf.level < Pyramid::kCellLevel) {
-      refiner_.hints()[leaf.j / 2 * wide + leaf.i / 2] = name;
+      refiner_.hint_cell(leaf.i / 2, leaf.j / 2, name);
       continue;
     }
     const int edge = 1 << (leaf.level - Pyramid::kCellLevel);
     const int i = leaf.i * edge;
     for (int j = leaf.j * edge; j < std::min((leaf.j + 1) * edge, high); ++j) {
-      std::fill_n(refiner_.cells().begin() + j * wide + i, std::min(edge, wide - i), name);
+      refiner_.name_cells(i, j, std::min(edge, wide - i), name);
     }
   }
 }
@@ -215,7 +238,7 @@ void PatchExtractor::emit_patches(const DepthFrame& frame, Deadline deadline) no
     if (out_->patches.size() % 16 == 15 && deadline.expired()) break;
     emit_patch(leaf, plane, frame);
   }
-  if (frame.gray.empty()) return;
+  if (!has_gray(frame)) return;
   for (std::size_t p = 0; p < out_->planes.size(); ++p) {
     FramePlane& plane = out_->planes[p];
     plane.mean_gray = static_cast<float>(gray_sum_[p] / std::max(1e-9F, plane.area_m2));
@@ -238,7 +261,7 @@ void PatchExtractor::emit_patch(const Leaf& leaf, std::int16_t plane,
   patch.height_px = static_cast<std::uint16_t>(std::min(edge, frame.depth.height_px - patch.v_px));
   patch.pixels = node.pixels;
   patch.rms = static_cast<float>(std::sqrt(f.rss / node.moments.n) / pyramid_.sigma_steps());
-  patch.mean_gray = mean_gray(frame.gray, patch);
+  patch.mean_gray = mean_gray(frame, patch);
   patch.plane = plane;
   out_->covered_pixels += node.pixels;
   if (plane != Patch::kNoPlane) add_to_plane(patch, f.w0);

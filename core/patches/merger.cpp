@@ -32,7 +32,7 @@ Stop Merger::run(const Pyramid& pyramid, Quadtree& tree, double correlated_px,
   region_count_ = 0;
   least_pixels_ = least_pixels;
   bool complete = true;
-  for (int level = pyramid.levels() - 1; level >= 0 && complete; --level) {
+  for (int level = pyramid.levels() - 1; level >= Pyramid::kCellLevel && complete; --level) {
     for (std::size_t k = 0; k < tree.leaves().size() && complete; ++k) {
       const Leaf& leaf = tree.leaves()[k];
       if (leaf.level != level || leaf.region != Leaf::kNoRegion || leaf.seeded) continue;
@@ -88,29 +88,16 @@ bool Merger::grow(std::size_t seed, Deadline deadline) noexcept {
       ask(3, i + edge, j + s);
     }
   }
-  if (region.pixels >= least_pixels_ && has_square(id)) {
+  if (region.pixels >= least_pixels_) {
     ++region_count_;
   } else {
+    // Others may still take them; as a beginning each would only find the same again.
     for (std::size_t k = 0; k < queue_end_; ++k) {
       tree_->leaves()[queue_[k]].region = Leaf::kNoRegion;
+      tree_->leaves()[queue_[k]].seeded = true;
     }
   }
   return complete;
-}
-
-bool Merger::has_square(std::int16_t id) const noexcept {
-  const auto inside = [&](int i, int j) {
-    const int leaf = tree_->leaf_at(i, j);
-    return leaf >= 0 && tree_->leaves()[static_cast<std::size_t>(leaf)].region == id;
-  };
-  for (std::size_t k = 0; k < queue_end_; ++k) {
-    const Leaf& leaf = tree_->leaves()[queue_[k]];
-    if (leaf.level > 0) return true;
-    const int i = leaf.i;
-    const int j = leaf.j;
-    if (inside(i + 1, j) && inside(i, j + 1) && inside(i + 1, j + 1)) return true;
-  }
-  return false;
 }
 
 void Merger::try_neighbour(std::size_t index, std::int16_t id, Region& region) noexcept {
@@ -118,10 +105,10 @@ void Merger::try_neighbour(std::size_t index, std::int16_t id, Region& region) n
   if (leaf.region != Leaf::kNoRegion) return;
   const PyramidNode& node = pyramid_->at(leaf.level, leaf.i, leaf.j);
   // A depth step needs no statistics.
-  const double inv_n = 1.0 / node.moments.n;
+  const Moments& m = node.moments;
   const double off =
-      fit_.at(node.moments.u * inv_n, node.moments.v * inv_n) - node.moments.w * inv_n;
-  if (off * off > kStepVariances * variance_) return;
+      m.n * fit_.w0 + fit_.a * (m.u - m.n * fit_.u0) + fit_.b * (m.v - m.n * fit_.v0) - m.w;
+  if (off * off > kStepVariances * variance_ * m.n * m.n) return;
   Fit both;
   if (!same_plane(region.moments, region.rss, node.moments, leaf.rss, both)) return;
   fit_ = both;

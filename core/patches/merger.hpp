@@ -52,9 +52,6 @@ class Merger {
   [[nodiscard]] bool same_plane(const Moments& a, double rss_a, const Moments& b, double rss_b,
                                 Fit& both) const noexcept;
   [[nodiscard]] bool grow(std::size_t seed, Deadline deadline) noexcept;
-  /// Cells along a crease agree with each other on a plane between the two real ones, one cell
-  /// wide: a plane has 2 x 2 cells somewhere.
-  [[nodiscard]] bool has_square(std::int16_t id) const noexcept;
   void try_neighbour(std::size_t leaf, std::int16_t id, Region& region) noexcept;
   void join_neighbours(Deadline deadline) noexcept;
   void note_pair(int a, int leaf) noexcept;

@@ -3,16 +3,23 @@
 
 #include <algorithm>
 #include <bit>
-#include <cstring>
 
 namespace maplet {
 
 namespace {
 
-constexpr int kMaxBlocksWide = static_cast<int>(kMaxWidthPx) / kBlockPx + 1;
+constexpr std::size_t kMaxBlocks = (kMaxWidthPx / kBlockPx + 1) * (kMaxHeightPx / kBlockPx + 1);
 
 /// Below this the rounding of 1/Z to steps is no longer small against the noise.
 constexpr double kLeastSigmaSteps = 1.0;
+/// 30 1/m: no sensor; keeps squares finite.
+constexpr double kMostSigmaSteps = 1e6;
+
+/// Of any noise model, whatever its figures.
+double sigma_in_steps(const NoiseModel& noise, double inverse_depth) noexcept {
+  const double steps = noise.sigma_inverse_depth(inverse_depth) * kInverseDepthSteps;
+  return steps >= kLeastSigmaSteps ? std::min(steps, kMostSigmaSteps) : kLeastSigmaSteps;
+}
 
 constexpr int round_up(int value, int multiple) {
   return (value + multiple - 1) / multiple * multiple;
@@ -31,6 +38,7 @@ Pyramid::Pyramid(const PatchConfig& config, Arena& arena)
     : config_{config},
       sum_blocks_{block_variants().back().sum},
       nodes_{arena.make_array<PyramidNode>(kMaxFrameCells * 4 / 3 + 1, "patches/pyramid")},
+      blocks_{arena.make_array<BlockSums>(kMaxBlocks, "patches/blocks")},
       quarters_{arena.make_array<PyramidNode>(kMaxSplitCells * 4, "patches/quarters")},
       split_{arena.make_array<std::int16_t>(kMaxFrameCells, "patches/split cells")} {}
 
@@ -68,6 +76,7 @@ bool Pyramid::lay_out(const DepthFrame& frame) noexcept {
     return false;
   }
   while (!try_cells(cell_px_)) cell_px_ *= 2;
+  blocks_wide_ = (width_px_ + kBlockPx - 1) / kBlockPx;
   int offset = 0;
   for (int level = kCellLevel; level < levels_; ++level) {
     offset_[level] = offset;
@@ -78,14 +87,13 @@ bool Pyramid::lay_out(const DepthFrame& frame) noexcept {
 }
 
 bool Pyramid::fill(const DepthFrame& frame, Grain grain, Deadline deadline) noexcept {
-  frame_ = &frame;
   cell_px_ = grain.cell_px;
   row_step_ = grain.row_step;
   if (!lay_out(frame)) return true;
   scale_ = DepthScale::of(frame.metres_per_unit);
   noise_ = frame.noise;
   // Any distance serves as reference where the noise depends on it: weights are relative.
-  sigma_steps_ = std::max(noise_.sigma_inverse_depth(0.5) * kInverseDepthSteps, kLeastSigmaSteps);
+  sigma_steps_ = sigma_in_steps(noise_, 0.5);
   const auto bits = static_cast<int>(std::bit_width(static_cast<unsigned>(cells_high_ - 1)));
   bool complete = true;
   for (unsigned k = 0; k < (1U << bits); ++k) {
@@ -102,32 +110,39 @@ bool Pyramid::fill(const DepthFrame& frame, Grain grain, Deadline deadline) noex
 }
 
 void Pyramid::fill_row(const DepthFrame& frame, int j) noexcept {
-  BlockSums sums[kMaxBlocksWide];
   const int full_blocks = width_px_ / kBlockPx;
   const int ragged = width_px_ % kBlockPx;
-  const int blocks = full_blocks + (ragged != 0 ? 1 : 0);
   const int per_cell = cell_px_ / kBlockPx;
+  const int block_high = kBlockPx * row_step_;
   const int end_v = std::min(height_px_, (j + 1) * cell_px_);
-  for (int v = j * cell_px_; v < end_v; v += kBlockPx * row_step_) {
+  for (int v = j * cell_px_; v < end_v; v += block_high) {
     const int rows = std::min(kBlockPx, (end_v - v + row_step_ - 1) / row_step_);
     const std::uint16_t* pixels = frame.depth.row(v);
     const std::ptrdiff_t stride = frame.depth.stride_px * row_step_;
+    BlockSums* sums = blocks_.data() + v / block_high * blocks_wide_;
     sum_blocks_(pixels, stride, rows, full_blocks, scale_, sums);
     if (ragged != 0) {
       sum_block_plain(pixels + full_blocks * kBlockPx, stride, ragged, rows, scale_,
                       sums[full_blocks]);
     }
-    for (int b = 0; b < blocks; ++b) {
-      if (sums[b].n == 0) continue;
+    for (int b = 0; b < blocks_wide_; ++b) {
+      if (sums[b].valid == 0) continue;
       PyramidNode& cell = node(kCellLevel, b / per_cell, j);
       cell.moments += sums[b].moments(b * kBlockPx - width_px_ / 2, v - height_px_ / 2, row_step_);
-      cell.pixels += static_cast<std::uint32_t>(sums[b].n * row_step_);
+      cell.pixels += static_cast<std::uint32_t>(sums[b].pixels() * row_step_);
     }
   }
+  const BlockSums* alone =
+      per_cell == 1 && row_step_ == 1 ? blocks_.data() + j * blocks_wide_ : nullptr;
   for (int i = 0; i < cells_wide_; ++i) {
     PyramidNode& cell = node(kCellLevel, i, j);
-    fit_cell(cell);
     valid_pixels_ += cell.pixels;
+    if (alone != nullptr && alone[i].valid == BlockSums::kAll && !weighted()) {
+      cell.cells_rss = alone[i].full_rss();
+      cell.cells = 1;
+    } else {
+      fit_cell(cell);
+    }
   }
 }
 
@@ -139,48 +154,49 @@ void Pyramid::fit_cell(PyramidNode& cell) const noexcept {
   cell.cells = f.ok ? 1 : 0;
 }
 
+bool Pyramid::hopeless(const BlockSums& sums, int quarter, std::uint64_t valid) const noexcept {
+  constexpr int kArea = kBlockPx * kBlockPx / 4;
+  if (std::popcount(valid) < config_.min_valid_fraction * kArea) return true;
+  if (valid != BlockSums::mask(quarter)) return false;
+  const double limit = config_.max_rms_sigmas * sigma_steps_;
+  return sums.full_quarter_rss(quarter) > limit * limit * kArea;
+}
+
 bool Pyramid::split_cell(int i, int j) noexcept {
   if (split_count_ == kMaxSplitCells) return false;
   split_[j * padded_width_ + i] = static_cast<std::int16_t>(split_count_);
+  PyramidNode* quarters = quarters_.data() + split_count_ * 4;
+  std::fill_n(quarters, 4, PyramidNode{});
   const int half = cell_px_ / 2;
-  for (int k = 0; k < 4; ++k) {
-    PyramidNode& quarter = quarters_[split_count_ * 4 + k] = {};
-    const int u0 = i * cell_px_ + k % 2 * half;
-    const int v0 = j * cell_px_ + k / 2 * half;
-    const int end_v = std::min(height_px_, v0 + half);
-    const int end_u = std::min(width_px_, u0 + half);
-    for (int v = v0; v < end_v; v += kBlockPx * row_step_) {
-      const int rows = std::min(kBlockPx, (end_v - v + row_step_ - 1) / row_step_);
-      for (int u = u0; u < end_u; u += kBlockPx) {
-        const std::uint16_t* pixels = frame_->depth.row(v) + u;
-        const std::ptrdiff_t stride = frame_->depth.stride_px * row_step_;
-        const int columns = std::min(kBlockPx, end_u - u);
-        BlockSums sums;
-        std::uint16_t copy[kBlockPx * kBlockPx] = {};  // nothing right of a narrow block
-        if (columns < kBlockPx) {
-          for (int y = 0; y < rows; ++y) {
-            std::memcpy(copy + y * kBlockPx, pixels + y * stride, columns * sizeof *pixels);
-          }
-        }
-        const bool narrow = columns < kBlockPx;
-        sum_blocks_(narrow ? copy : pixels, narrow ? kBlockPx : stride, rows, 1, scale_, &sums);
-        if (sums.n == 0) continue;
-        quarter.moments += sums.moments(u - width_px_ / 2, v - height_px_ / 2, row_step_);
-        quarter.pixels += static_cast<std::uint32_t>(sums.n * row_step_);
+  const bool alone = cell_px_ == kBlockPx && row_step_ == 1 && !weighted();
+  const int block_high = kBlockPx * row_step_;
+  const int end_u = std::min(width_px_, (i + 1) * cell_px_);
+  const int end_v = std::min(height_px_, (j + 1) * cell_px_);
+  for (int v = j * cell_px_; v < end_v; v += block_high) {
+    for (int u = i * cell_px_; u < end_u; u += kBlockPx) {
+      const BlockSums& sums = blocks_[v / block_high * blocks_wide_ + u / kBlockPx];
+      for (int q = 0; q < 4; ++q) {
+        const std::uint64_t valid = sums.valid & BlockSums::mask(q);
+        if (valid == 0 || (alone && hopeless(sums, q, valid))) continue;
+        const int right = (u - i * cell_px_ + q % 2 * (kBlockPx / 2)) / half;
+        const int below = (v - j * cell_px_ + q / 2 * (block_high / 2)) / half;
+        PyramidNode& quarter = quarters[2 * below + right];
+        quarter.moments +=
+            sums.quarter_moments(q, u - width_px_ / 2, v - height_px_ / 2, row_step_);
+        quarter.pixels += static_cast<std::uint32_t>(std::popcount(valid) * row_step_);
       }
     }
-    fit_cell(quarter);
   }
+  for (int k = 0; k < 4; ++k) fit_cell(quarters[k]);
   ++split_count_;
   return true;
 }
 
 /// One weight a cell: the noise changes little over its few pixels.
 void Pyramid::weigh(Moments& moments) const noexcept {
-  if (noise_.kind != NoiseModel::Kind::kTimeOfFlight) return;
+  if (!weighted()) return;
   const double mean = std::max(moments.w / moments.n, 1.0) / kInverseDepthSteps;
-  const double sigma =
-      std::max(noise_.sigma_inverse_depth(mean) * kInverseDepthSteps, kLeastSigmaSteps);
+  const double sigma = sigma_in_steps(noise_, mean);
   moments *= (sigma_steps_ / sigma) * (sigma_steps_ / sigma);
 }
 

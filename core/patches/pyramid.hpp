@@ -25,7 +25,8 @@ struct PyramidNode {
 /// Moments of all squares of the image: cells at level 1, each level above twice as coarse. The
 /// quarters of a cell, level 0, are made only where somebody asks for them: at edges.
 ///
-/// Memory   fixed, from the arena: 4/3 kMaxFrameCells nodes, and 4 kMaxSplitCells quarters.
+/// Memory   fixed, from the arena: the sums of each 8 x 8 block, 4/3 kMaxFrameCells nodes, 4
+///          kMaxSplitCells quarters.
 /// Time     fill(): O(pixels), vectorised; overruns its deadline by one row of cells at most.
 /// Threads  one at a time.
 /// Math     docs/math/patches.md, eq. 1-2
@@ -50,7 +51,8 @@ class Pyramid {
   /// The finest grain that the configuration asks for and the arrays hold, for an image size.
   [[nodiscard]] Grain finest(int width_px, int height_px) const noexcept;
 
-  /// Makes the quarters of a cell; the frame must still be on loan.
+  /// Makes the quarters of a cell, from sums that fill() has kept; those that are not flat may be
+  /// left without pixels.
   /// @return false when kMaxSplitCells have been split already
   bool split_cell(int i, int j) noexcept;
 
@@ -73,6 +75,10 @@ class Pyramid {
   }
   /// Pixels of the image inside a node, with or without a return.
   [[nodiscard]] int area_px(int level, int i, int j) const noexcept;
+  /// Pixels count by their distance.
+  [[nodiscard]] bool weighted() const noexcept {
+    return noise_.kind == NoiseModel::Kind::kTimeOfFlight;
+  }
   /// Gives the pixels of one cell the weight of their distance (time of flight; else 1).
   void weigh(Moments& moments) const noexcept;
   /// Standard deviation of w for pixels of weight 1; others are weighted to it.
@@ -85,6 +91,9 @@ class Pyramid {
   bool try_cells(int cell_px) noexcept;
   void fill_row(const DepthFrame& frame, int j) noexcept;
   void fit_cell(PyramidNode& node) const noexcept;
+  /// A quarter of a cell that is one block cannot be flat.
+  [[nodiscard]] bool hopeless(const BlockSums& sums, int quarter,
+                              std::uint64_t valid) const noexcept;
   void build_levels() noexcept;
   PyramidNode& node(int level, int i, int j) noexcept {
     return nodes_[offset_[level] + j * width(level) + i];
@@ -93,17 +102,17 @@ class Pyramid {
   PatchConfig config_;
   BlockRowFunction sum_blocks_;
   std::span<PyramidNode> nodes_;
+  std::span<BlockSums> blocks_;  ///< row by row, blocks_wide_ in each
   std::span<PyramidNode> quarters_;
   std::span<std::int16_t> split_;  ///< of a cell: index of its quarters / 4
   std::size_t split_count_ = 0;
-  const DepthFrame* frame_ = nullptr;  ///< the loan, until the next fill()
   std::array<int, kMaxLevels> offset_{};
   DepthScale scale_;
   NoiseModel noise_;
   double sigma_steps_ = 1.0;
   int width_px_ = 0, height_px_ = 0;
   int cell_px_ = 8, row_step_ = 1, levels_ = 1;
-  int cells_wide_ = 0, cells_high_ = 0;
+  int cells_wide_ = 0, cells_high_ = 0, blocks_wide_ = 0;
   int padded_width_ = 0, padded_height_ = 0;
   std::uint32_t valid_pixels_ = 0;
 };

@@ -11,8 +11,6 @@ namespace {
 /// A pixel's explainable residual counts up to this many variances: a depth step of a metre is not
 /// more worth splitting than one of ten sigmas.
 constexpr double kGainCapVariances = 100.0;
-/// Cells come after everything coarser: their quarters add detail, not coverage.
-constexpr float kQuarterGain = 1e-3F;
 /// A cell with fewer pixels holds no quarter worth having.
 constexpr std::uint32_t kLeastSplitPx = 12;
 /// Weight of the noise model against what the frame shows.
@@ -26,6 +24,7 @@ Quadtree::Quadtree(const PatchConfig& config, Arena& arena)
     : config_{config},
       leaves_{arena.make_array<Leaf>(kMaxLeaves, "patches/leaves")},
       leaf_of_cell_{arena.make_array<std::int16_t>(kMaxFrameCells * 4, "patches/leaf of quarter")},
+      cells_{arena.make_array<Cell>(kMaxFrameCells, "patches/cells to split")},
       heap_{arena.make_array<OpenNode>(kMaxFrameCells * 4 / 3 + 1, "patches/open nodes")} {}
 
 bool Quadtree::OpenNode::operator<(const OpenNode& o) const noexcept {
@@ -37,7 +36,7 @@ Stop Quadtree::run(Pyramid& pyramid, const CameraModel& camera, double correlate
   pyramid_ = &pyramid;
   pixel_frame_ = PixelFrame{camera};
   correlated_px_ = correlated_px;
-  leaf_count_ = patch_count_ = heap_size_ = 0;
+  leaf_count_ = patch_count_ = heap_size_ = cell_count_ = 0;
   explained_ = explained_dof_ = 0.0;
   width_ = pyramid.width(0);
   height_ = pyramid.height(0);
@@ -55,11 +54,20 @@ Stop Quadtree::run(Pyramid& pyramid, const CameraModel& camera, double correlate
     if (deadline.expired()) return Stop::kDeadline;
     std::pop_heap(heap_.begin(), heap_.begin() + static_cast<std::ptrdiff_t>(heap_size_));
     const OpenNode node = heap_[--heap_size_];
-    if (node.level == Pyramid::kCellLevel && !pyramid.split_cell(node.i, node.j)) continue;
     for (int k = 0; k < 4; ++k) {
-      if (patch_count_ >= limit || leaf_count_ == kMaxLeaves) return Stop::kIterationLimit;
+      if (patch_count_ >= limit) return Stop::kIterationLimit;
       consider(node.level - 1, 2 * node.i + k % 2, 2 * node.j + k / 2);
     }
+  }
+  return split_cells(deadline);
+}
+
+Stop Quadtree::split_cells(Deadline deadline) noexcept {
+  for (std::size_t k = 0; k < cell_count_; ++k) {
+    if (k % 8 == 0 && deadline.expired()) return Stop::kDeadline;
+    const Cell cell = cells_[k];
+    if (leaf_count_ + 4 > kMaxLeaves || !pyramid_->split_cell(cell.i, cell.j)) break;
+    for (int q = 0; q < 4; ++q) consider(0, 2 * cell.i + q % 2, 2 * cell.j + q / 2);
   }
   return Stop::kConverged;
 }
@@ -72,6 +80,10 @@ void Quadtree::consider(int level, int i, int j) noexcept {
       add_leaf(level, i, j, rss);
       break;
     case Verdict::kSplit:
+      if (level == Pyramid::kCellLevel) {
+        cells_[cell_count_++] = {static_cast<std::uint16_t>(i), static_cast<std::uint16_t>(j)};
+        break;
+      }
       heap_[heap_size_++] = {gain, static_cast<std::uint16_t>(i), static_cast<std::uint16_t>(j),
                              static_cast<std::uint8_t>(level)};
       std::push_heap(heap_.begin(), heap_.begin() + static_cast<std::ptrdiff_t>(heap_size_));
@@ -89,16 +101,18 @@ Quadtree::Verdict Quadtree::judge(int level, int i, int j, float& gain,
       level > Pyramid::kCellLevel || (level == Pyramid::kCellLevel && node.pixels >= kLeastSplitPx);
   const Verdict otherwise = can_split ? Verdict::kSplit : Verdict::kDrop;
   const double variance = pyramid_->sigma_steps() * pyramid_->sigma_steps();
+  const double limit = config_.max_rms_sigmas * config_.max_rms_sigmas;
+  if (level <= Pyramid::kCellLevel && node.cells_rss > limit * variance * node.moments.n) {
+    return otherwise;  // no need to fit it again
+  }
   const Fit f = fit(node.moments);
   rss = f.rss;
   // Eq. 8: what the cells' own planes explain of this node's residual, in variances.
   const double explained = std::max(0.0, f.rss - node.cells_rss) / variance;
   gain = static_cast<float>(std::min(explained, kGainCapVariances * node.moments.n));
-  if (level == Pyramid::kCellLevel) gain = static_cast<float>(node.pixels) * kQuarterGain;
   if (!f.ok || node.pixels < config_.min_valid_fraction * pyramid_->area_px(level, i, j)) {
     return otherwise;
   }
-  const double limit = config_.max_rms_sigmas * config_.max_rms_sigmas;
   if (f.rss > limit * variance * node.moments.n) return otherwise;
   // Eq. 9: noise gives every cell's own plane three parameters' worth of residual.
   const double noise = correlated_px_ * kPlaneDof * (node.cells - 1);
@@ -134,6 +148,10 @@ void Quadtree::add_leaf(int level, int i, int j, double rss) noexcept {
   if (node.cells > 1) {
     explained_ += std::max(0.0, rss - node.cells_rss);
     explained_dof_ += kPlaneDof * (node.cells - 1);
+  }
+  if (level == 0) {
+    leaf_of_cell_[j * width_ + i] = index;
+    return;
   }
   const int edge = 1 << level;
   for (int y = j * edge; y < (j + 1) * edge; ++y) {

@@ -57,8 +57,13 @@ class Quadtree {
     std::uint8_t level;
     [[nodiscard]] bool operator<(const OpenNode& o) const noexcept;
   };
+  struct Cell {
+    std::uint16_t i, j;
+  };
   enum class Verdict : std::uint8_t { kFlat, kSplit, kDrop };
 
+  /// Quarters of cells that are not flat. They add detail, not coverage: after everything coarser.
+  Stop split_cells(Deadline deadline) noexcept;
   void consider(int level, int i, int j) noexcept;
   [[nodiscard]] Verdict judge(int level, int i, int j, float& gain, double& rss) const noexcept;
   [[nodiscard]] bool seen_steeply(const Fit& f) const noexcept;
@@ -67,13 +72,14 @@ class Quadtree {
   PatchConfig config_;
   std::span<Leaf> leaves_;
   std::span<std::int16_t> leaf_of_cell_;
+  std::span<Cell> cells_;  ///< that are not flat
   std::span<OpenNode> heap_;
   Pyramid* pyramid_ = nullptr;  ///< during run()
   PixelFrame pixel_frame_{CameraModel{1, 1, 1.0, 1.0, 0.0, 0.0}};
   double correlated_px_ = 1.0;
   double explained_ = 0.0;  ///< by the cells of all leaves, steps^2
   double explained_dof_ = 0.0;
-  std::size_t leaf_count_ = 0, patch_count_ = 0, heap_size_ = 0;
+  std::size_t leaf_count_ = 0, patch_count_ = 0, heap_size_ = 0, cell_count_ = 0;
   int width_ = 0, height_ = 0;
 };
 

@@ -9,15 +9,29 @@ namespace maplet {
 namespace {
 
 /// Cells without a plane are asked ring by ring: this many cells from the nearest plane.
-constexpr int kRings = 3;
+constexpr int kRings = 2;
 /// A plane goes on into the next ring when it has one in so many of the cell's pixels.
 constexpr int kReachShare = 8;
 /// Planes larger than this have enough pixels in cells that are all theirs.
-constexpr std::uint32_t kSmallPlanePx = 6000;
+constexpr double kSmallPlanePx = 6000.0;
 /// A plane is fitted again when it keeps this share of its pixels without the doubtful ones.
 constexpr double kLeastCollected = 0.4;
 /// Beyond so many standard deviations a pixel is not on a plane.
 constexpr double kPixelSigmas = 3.0;
+
+/// The pixels of a row of a block that have a name; the others become 0.
+void pick(const std::uint16_t* raw, const std::uint8_t* labels, std::uint8_t name,
+          std::uint16_t* out) noexcept {
+  using U16x8 = std::uint16_t __attribute__((vector_size(16)));
+  using U8x8 = std::uint8_t __attribute__((vector_size(8)));
+  U16x8 pixels;
+  U8x8 names;
+  std::memcpy(&pixels, raw, sizeof pixels);
+  std::memcpy(&names, labels, sizeof names);
+  const U16x8 wide = __builtin_convertvector(names, U16x8);
+  pixels &= wide == (U16x8{} + name);
+  std::memcpy(out, &pixels, sizeof pixels);
+}
 
 }  // namespace
 
@@ -71,8 +85,7 @@ Stop Refiner::look_along_borders(int ring, Deadline deadline) noexcept {
       const int cell = j * wide_ + i;
       if (looked_[cell] != 0 || pyramid_->at(Pyramid::kCellLevel, i, j).pixels == 0) continue;
       if (ring > 0 && plane_of_cell_[cell] != kNone) continue;
-      // Inside one plane there is nothing to look for.
-      if (i > 0 && j > 0 && i + 1 < wide_ && j + 1 < high_ && uniform(cell)) continue;
+      if (i > 0 && j > 0 && i + 2 < wide_ && j + 1 < high_ && uniform(cell)) continue;
       const int count = nearby(i, j, names);
       if (count == 0 || (count == 1 && plane_of_cell_[cell] == names[0])) continue;
       looked_[cell] = static_cast<std::uint8_t>(count);
@@ -93,7 +106,7 @@ bool Refiner::bury() noexcept {
   const auto dead = [&](std::uint8_t plane) { return plane != kNone && !planes_[plane].alive; };
   for (int j = 0; j < high_; ++j) {
     for (int i = 0; i < wide_; ++i) {
-      if (!dead(plane_of_cell_[j * wide_ + i]) && !dead(reach_[j * wide_ + i])) continue;
+      if (!dead(reach_[j * wide_ + i])) continue;
       const int first = std::max(0, i - 1);
       const int last = std::min(wide_ - 1, i + 1);
       for (int y = std::max(0, j - 1); y <= std::min(high_ - 1, j + 1); ++y) {
@@ -110,13 +123,13 @@ bool Refiner::bury() noexcept {
 }
 
 bool Refiner::uniform(int cell) const noexcept {
-  const std::uint8_t plane = plane_of_cell_[cell];
-  if (plane == kNone) return false;
-  const std::uint8_t* p = plane_of_cell_.data() + cell;
-  const auto same = [&](const std::uint8_t* x) {
-    return ((x[-1] ^ plane) | (x[0] ^ plane) | (x[1] ^ plane)) == 0;
+  const std::uint32_t all = reach_[cell] * 0x010101U;
+  const auto differs = [&](int at) {
+    std::uint32_t four;  // one more than needed: the row goes on there
+    std::memcpy(&four, reach_.data() + at - 1, sizeof four);
+    return (four ^ all) & 0xFFFFFFU;
   };
-  return same(p - wide_) && same(p) && same(p + wide_);
+  return (differs(cell - wide_) | differs(cell) | differs(cell + wide_)) == 0;
 }
 
 int Refiner::nearby(int i, int j, std::uint8_t* out) const noexcept {
@@ -125,14 +138,14 @@ int Refiner::nearby(int i, int j, std::uint8_t* out) const noexcept {
   const int first_x = std::max(0, i - 1);
   const int last_x = std::min(wide_ - 1, i + 1);
   for (int y = std::max(0, j - 1); y <= std::min(high_ - 1, j + 1); ++y) {
+    const std::uint8_t* row = reach_.data() + y * wide_;
     for (int x = first_x; x <= last_x; ++x) {
-      const int cell = y * wide_ + x;
-      // At most one of the two names a plane.
-      const auto plane = static_cast<std::uint8_t>(plane_of_cell_[cell] & reach_[cell]);
+      const std::uint8_t plane = row[x];
       if (plane == kNone || plane == last) continue;
       last = plane;
-      if (std::find(out, out + count, plane) != out + count) continue;
-      if (count < kMaxNearby) out[count++] = plane;
+      bool known = count == kMaxNearby;
+      for (int k = 0; k < count; ++k) known |= out[k] == plane;
+      if (!known) out[count++] = plane;
     }
   }
   return count;
@@ -147,7 +160,7 @@ void Refiner::look(int i, int j, const std::uint8_t* names, int count) noexcept 
   for (int c = 0; c < count; ++c) {
     const Candidate& plane = planes_[names[c]];
     linear[c] = {0.0F, static_cast<float>(plane.fit.a), static_cast<float>(plane.fit.b),
-                 static_cast<float>(kPixelSigmas * plane.noise_steps), names[c]};
+                 static_cast<float>(1.0 / (kPixelSigmas * plane.noise_steps)), names[c]};
   }
   for (int v = j * cell_px_; v < end_v; v += kBlockPx) {
     for (int u = i * cell_px_; u < end_u; u += kBlockPx) {
@@ -182,6 +195,7 @@ void Refiner::look(int i, int j, const std::uint8_t* names, int count) noexcept 
     planes_[own].pixels -= pyramid_->at(Pyramid::kCellLevel, i, j).pixels;
     return;
   }
+  if (plane_of_cell_[cell] != kNone) return;
   const auto best = std::max_element(won, won + count);
   if (*best * kReachShare >= static_cast<std::uint32_t>(cell_px_ * cell_px_)) {
     reach_[cell] = names[best - won];
@@ -190,16 +204,23 @@ void Refiner::look(int i, int j, const std::uint8_t* names, int count) noexcept 
 
 void Refiner::refit() noexcept {
   for (Candidate& plane : planes()) {
-    plane.small = plane.pixels < kSmallPlanePx;
     plane.collected = {};
+  }
+  for (int j = 0; j < high_; ++j) {
+    for (int i = 0; i < wide_; ++i) {
+      const int cell = j * wide_ + i;
+      if (looked_[cell] != 0 || plane_of_cell_[cell] == kNone) continue;
+      planes_[plane_of_cell_[cell]].collected += pyramid_->at(Pyramid::kCellLevel, i, j).moments;
+    }
+  }
+  for (Candidate& plane : planes()) {
+    plane.small = plane.alive && plane.collected.n < kSmallPlanePx;
   }
   for (int j = 0; j < high_; ++j) {
     for (int i = 0; i < wide_; ++i) {
       const int cell = j * wide_ + i;
       if (looked_[cell] != 0) {
         collect(i, j, nearby_.data() + cell * kMaxNearby, looked_[cell]);
-      } else if (plane_of_cell_[cell] != kNone) {
-        planes_[plane_of_cell_[cell]].collected += pyramid_->at(Pyramid::kCellLevel, i, j).moments;
       }
     }
   }
@@ -239,17 +260,25 @@ void Refiner::collect(int i, int j, const std::uint8_t* names, int count) noexce
       for (int u = i * cell_px_; u < end_u; u += kBlockPx) {
         const int columns = std::min(kBlockPx, end_u - u);
         const int rows = std::min(kBlockPx, end_v - v);
-        std::uint16_t own[kBlockPx * kBlockPx] = {};
-        for (int y = 0; y < rows; ++y) {
-          const std::uint16_t* raw = frame_->depth.row(v + y) + u;
-          const std::uint8_t* label = pixel_planes_.data() + (v + y) * width_px_ + u;
-          for (int x = 0; x < columns; ++x) {
-            own[y * kBlockPx + x] = label[x] == names[c] ? raw[x] : std::uint16_t{0};
+        std::uint16_t own[kBlockPx * kBlockPx];
+        if (columns == kBlockPx) {
+          for (int y = 0; y < rows; ++y) {
+            pick(frame_->depth.row(v + y) + u, pixel_planes_.data() + (v + y) * width_px_ + u,
+                 names[c], own + y * kBlockPx);
+          }
+        } else {
+          for (int y = 0; y < rows; ++y) {
+            const std::uint16_t* raw = frame_->depth.row(v + y) + u;
+            const std::uint8_t* label = pixel_planes_.data() + (v + y) * width_px_ + u;
+            for (int x = 0; x < kBlockPx; ++x) {
+              const bool in = x < columns && label[x] == names[c];
+              own[y * kBlockPx + x] = in ? raw[x] : std::uint16_t{0};
+            }
           }
         }
         BlockSums sums;
         sum_(own, kBlockPx, rows, 1, scale_, &sums);
-        if (sums.n == 0) continue;
+        if (sums.valid == 0) continue;
         moments += sums.moments(u - width_px_ / 2, v - height_px_ / 2, 1);
       }
     }

@@ -1,6 +1,7 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <span>
 
@@ -41,12 +42,15 @@ class Refiner {
 
   explicit Refiner(Arena& arena);
 
-  /// Starts a frame. cells(), hints() and planes() are then the caller's to fill.
+  /// Starts a frame. name_cell(), hint_cell() and planes() are then the caller's to fill.
   void begin(const Pyramid& pyramid, std::size_t planes) noexcept;
-  /// The plane of each cell: index or kNone. Row by row, pyramid.cells_wide() in each.
-  [[nodiscard]] std::span<std::uint8_t> cells() noexcept { return plane_of_cell_; }
-  /// Of a cell without plane: one that a part of it belongs to, or kNone.
-  [[nodiscard]] std::span<std::uint8_t> hints() noexcept { return reach_; }
+  /// Gives a plane's index to cells of a row of cells.
+  void name_cells(int i, int j, int count, std::uint8_t plane) noexcept {
+    std::fill_n(plane_of_cell_.begin() + j * wide_ + i, count, plane);
+    std::fill_n(reach_.begin() + j * wide_ + i, count, plane);
+  }
+  /// A part of a cell without plane belongs to this one.
+  void hint_cell(int i, int j, std::uint8_t plane) noexcept { reach_[j * wide_ + i] = plane; }
   [[nodiscard]] std::span<Candidate> planes() noexcept { return planes_.first(plane_count_); }
 
   /// @param least_pixels  a plane with fewer is none
@@ -80,7 +84,7 @@ class Refiner {
   std::span<std::uint8_t> plane_of_cell_;
   std::span<std::uint8_t> looked_;  ///< at a cell: planes that its pixels could go to, 0 = not
   std::span<std::uint8_t> nearby_;  ///< of a cell: which, kMaxNearby each
-  std::span<std::uint8_t> reach_;   ///< of a cell without plane: the one its pixels found
+  std::span<std::uint8_t> reach_;   ///< the same; of a cell without: the one its pixels found
   std::span<std::uint8_t> pixel_planes_;
   std::span<Candidate> planes_;
   std::span<std::uint8_t> names_;

@@ -1,6 +1,7 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -19,6 +20,7 @@ class Decimated {
     if (step_ == 1) return frame;
     DepthFrame out = frame;
     out.camera = frame.camera.decimated(step_);
+    out.noise.correlated_px = std::max(1.0, frame.noise.correlated_px / (step_ * step_));
     out.depth = pick(frame.depth, depth_);
     if (!frame.gray.empty()) out.gray = pick(frame.gray, gray_);
     return out;

@@ -52,6 +52,11 @@ void PatchOptions::add_to(CLI::App& command) {
       ->check(CLI::NonNegativeNumber);
   command.add_option("--max-patches", max_patches_, "Patches of a frame at most")
       ->check(CLI::Range(1, static_cast<int>(kMaxPatches)));
+  command
+      .add_option("--noise", noise_,
+                  "Kind of sensor that a recording or camera is: its typical noise model")
+      ->check(CLI::IsMember(
+          std::vector<std::string>{kSensorKindNames.begin(), kSensorKindNames.end()}));
   command.add_option("--set", set_, "A setting of the patches stage, without its section")
       ->type_name("KEY=VALUE");
   std::string footer = "Settings (--set KEY=VALUE):\n";
@@ -67,6 +72,8 @@ PatchConfig PatchOptions::config() const {
   if (max_patches_ > 0) config.max_patches = max_patches_;
   return config;
 }
+
+NoiseModel PatchOptions::noise() const { return typical_noise(*sensor_kind(noise_)); }
 
 Deadline PatchOptions::deadline() const {
   if (budget_us_ == 0) return Deadline::never();

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/base/deadline.hpp"
+#include "core/frame/sensor_kind.hpp"
 #include "core/patches/patch_config.hpp"
 
 namespace maplet::ctl {
@@ -17,12 +18,15 @@ class PatchOptions {
   void add_to(CLI::App& command);
   /// Throws Failure for a key or value that makes no sense.
   [[nodiscard]] PatchConfig config() const;
+  /// Of sources that do not tell their own.
+  [[nodiscard]] NoiseModel noise() const;
   /// From now: --budget-us on the monotonic clock, or never.
   [[nodiscard]] Deadline deadline() const;
 
  private:
   int budget_us_ = 0;
   int max_patches_ = 0;
+  std::string noise_{kSensorKindNames[0]};
   std::vector<std::string> set_;
   MonotonicClock clock_;
 };
