@@ -28,14 +28,20 @@ float mean_gray(const DepthFrame& frame, const Patch& patch) noexcept {
   return static_cast<float>(sum) / static_cast<float>(count);
 }
 
-// What reading a pixel and carrying a cell to the end cost on a 3 GHz x86; a slower machine finds
-// its plan too ambitious and is cut by the stages' deadlines.
-constexpr double kPixelNs = 0.5;
-constexpr double kCellNs = 110.0;
-/// The plan leaves the rest to the second look and to what was underestimated.
-constexpr double kPlanShare = 0.75;
-constexpr int kMaxRowStep = 8;
-constexpr int kCoarsestCellPx = 64;
+// What a frame costs on a busy 3 GHz x86: at all, a pixel that is read, a cell of 8 px that is
+// carried to the end (a coarser one costs by the root of its size more), a pixel of the image in
+// the second look. A slower machine finds its plan too ambitious and is cut by the stages'
+// deadlines.
+constexpr double kFrameNs = 20e3;
+constexpr double kPixelNs = 0.9;
+constexpr double kCellNs = 240.0;
+constexpr double kLookNs = 2.1;
+/// Writing the result takes what is left behind the second look.
+constexpr double kWriteNs = 10e3;
+constexpr double kWritePatchNs = 150.0;
+/// Of a budget that is too short for a second look; the rest is for what was underestimated.
+constexpr double kPlanShare = 0.72;
+constexpr int kCoarsestCellPx = 128;
 
 /// A plane that looks smoother than this share of the noise model has been lucky.
 constexpr double kLeastNoise = 0.4;
@@ -90,8 +96,9 @@ const PatchSet& PatchExtractor::run(const DepthFrame& frame, Deadline deadline) 
   const Stop merge = merger_.run(pyramid_, tree_, correlated_px_, least, when.merge);
   nominate_planes();
   name_cells();
-  const Stop look =
-      config_.second_look ? refiner_.run(frame, pyramid_, least, when.look) : Stop::kConverged;
+  const Stop look = config_.second_look
+                        ? refiner_.run(frame, pyramid_, least, before_writing(deadline))
+                        : Stop::kConverged;
   emit_planes();
   emit_patches(frame, deadline);
   out_->stop = !seen ? Stop::kDeadline : std::max({split, merge, look});
@@ -100,38 +107,40 @@ const PatchSet& PatchExtractor::run(const DepthFrame& frame, Deadline deadline) 
 
 PatchExtractor::Plan PatchExtractor::plan(const DepthFrame& frame,
                                           Deadline deadline) const noexcept {
-  Plan out{pyramid_.finest(frame.depth.width_px, frame.depth.height_px),
-           true,
-           deadline,
-           deadline,
-           deadline,
+  Plan out{pyramid_.finest(frame.depth.width_px, frame.depth.height_px), true, deadline, deadline,
            deadline};
   const Duration left = deadline.remaining();
   if (left == Duration::max()) return out;
   const double pixels = static_cast<double>(frame.depth.width_px) * frame.depth.height_px;
-  const auto expected_ns = [&](const Pyramid::Grain& g) {
-    return pixels * kPixelNs / g.row_step + pixels / (g.cell_px * g.cell_px) * kCellNs;
+  const double left_ns = static_cast<double>(std::max(left, Duration{0}).count());
+  const auto cells = [&] { return pixels / (out.grain.cell_px * out.grain.cell_px); };
+  const auto fits = [&] {
+    const double cell_ns = kCellNs * std::sqrt(out.grain.cell_px / 8.0);
+    const double front = kFrameNs + pixels * kPixelNs / out.grain.row_step + cells() * cell_ns;
+    // The finest grain is worth it only with its second look; coarser ones take what there is.
+    const double look = out.finest && config_.second_look ? pixels * kLookNs : 0.0;
+    return front + look <= left_ns * (out.finest ? 1.0 : kPlanShare);
   };
-  while (expected_ns(out.grain) > static_cast<double>(left.count()) * kPlanShare) {
+  while (!fits() && out.grain.cell_px < kCoarsestCellPx) {
     out.finest = false;
-    // Rows go first, then the grid: both keep the whole image in view.
-    if (out.grain.row_step < kMaxRowStep && out.grain.cell_px / out.grain.row_step > kBlockPx) {
-      out.grain.row_step *= 2;
-    } else if (out.grain.cell_px < kCoarsestCellPx) {
-      out.grain.cell_px *= 2;
-    } else {
-      break;
-    }
+    // Both together keep the whole image in view, and a cell at eight rows.
+    out.grain.cell_px *= 2;
+    out.grain.row_step *= 2;
   }
   const auto share = [&](double part) {
-    return deadline.within(Duration{static_cast<std::int64_t>(
-        static_cast<double>(std::max(left, Duration{0}).count()) * part)});
+    return deadline.within(Duration{static_cast<std::int64_t>(left_ns * part)});
   };
-  out.fill = share(0.50);
-  out.split = share(0.65);
-  out.merge = share(0.78);
-  out.look = share(0.88);
+  out.fill = share(0.6);
+  out.split = share(0.75);
+  out.merge = share(0.9);
   return out;
+}
+
+Deadline PatchExtractor::before_writing(Deadline deadline) const noexcept {
+  const Duration left = deadline.remaining();
+  if (left == Duration::max()) return deadline;
+  const double write_ns = kWriteNs + static_cast<double>(tree_.patch_count()) * kWritePatchNs;
+  return deadline.within(left - Duration{static_cast<std::int64_t>(write_ns)});
 }
 
 void PatchExtractor::nominate_planes() noexcept {

@@ -40,9 +40,11 @@ class PatchExtractor {
   struct Plan {
     Pyramid::Grain grain;
     bool finest = true;
-    Deadline fill, split, merge, look;
+    Deadline fill, split, merge;
   };
   [[nodiscard]] Plan plan(const DepthFrame& frame, Deadline deadline) const noexcept;
+  /// The end of the second look.
+  [[nodiscard]] Deadline before_writing(Deadline deadline) const noexcept;
   void nominate_planes() noexcept;
   void name_cells() noexcept;
   void emit_planes() noexcept;

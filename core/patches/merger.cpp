@@ -9,6 +9,8 @@ namespace {
 
 constexpr std::size_t kWordsPerRow = Merger::kMaxRegions / 64;
 constexpr int kJoinPasses = 4;
+/// Looking at the clock costs as much as a leaf.
+constexpr unsigned kLeavesPerLook = 8;
 constexpr std::size_t kMaxPairs = 4096;
 /// A neighbour whose middle is farther from the plane than twenty sigmas is not asked further.
 constexpr double kStepVariances = 400.0;
@@ -30,6 +32,7 @@ Stop Merger::run(const Pyramid& pyramid, Quadtree& tree, double correlated_px,
   correlated_px_ = correlated_px;
   variance_ = pyramid.sigma_steps() * pyramid.sigma_steps();
   region_count_ = 0;
+  looks_ = 0;
   least_pixels_ = least_pixels;
   bool complete = true;
   for (int level = pyramid.levels() - 1; level >= Pyramid::kCellLevel && complete; --level) {
@@ -66,7 +69,7 @@ bool Merger::grow(std::size_t seed, Deadline deadline) noexcept {
   queue_end_ = 1;
   bool complete = true;
   for (std::size_t k = 0; k < queue_end_; ++k) {
-    if (deadline.expired()) {
+    if (++looks_ % kLeavesPerLook == 0 && deadline.expired()) {
       complete = false;
       break;
     }

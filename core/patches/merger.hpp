@@ -71,6 +71,7 @@ class Merger {
   Quadtree* tree_ = nullptr;          ///< during run()
   double variance_ = 1.0, correlated_px_ = 1.0;
   std::uint32_t least_pixels_ = 0;
+  unsigned looks_ = 0;
   std::size_t region_count_ = 0, queue_end_ = 0;
 };
 

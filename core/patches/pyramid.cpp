@@ -128,8 +128,10 @@ void Pyramid::fill_row(const DepthFrame& frame, int j) noexcept {
     for (int b = 0; b < blocks_wide_; ++b) {
       if (sums[b].valid == 0) continue;
       PyramidNode& cell = node(kCellLevel, b / per_cell, j);
-      cell.moments += sums[b].moments(b * kBlockPx - width_px_ / 2, v - height_px_ / 2, row_step_);
-      cell.pixels += static_cast<std::uint32_t>(sums[b].pixels() * row_step_);
+      const Moments m =
+          sums[b].moments(b * kBlockPx - width_px_ / 2, v - height_px_ / 2, row_step_);
+      cell.moments += m;
+      cell.pixels += static_cast<std::uint32_t>(m.n) * static_cast<std::uint32_t>(row_step_);
     }
   }
   const BlockSums* alone =
@@ -175,15 +177,24 @@ bool Pyramid::split_cell(int i, int j) noexcept {
   for (int v = j * cell_px_; v < end_v; v += block_high) {
     for (int u = i * cell_px_; u < end_u; u += kBlockPx) {
       const BlockSums& sums = blocks_[v / block_high * blocks_wide_ + u / kBlockPx];
+      const int right = (u - i * cell_px_) / half;
+      const int below = (v - j * cell_px_) / half;
+      const auto add = [&](PyramidNode& quarter, const Moments& m) {
+        quarter.moments += m;
+        quarter.pixels += static_cast<std::uint32_t>(m.n) * static_cast<std::uint32_t>(row_step_);
+      };
+      const int u0 = u - width_px_ / 2;
+      const int v0 = v - height_px_ / 2;
+      if (sums.valid == 0) continue;
+      if (half >= block_high) {  // a block lies in one quarter
+        add(quarters[2 * below + right], sums.moments(u0, v0, row_step_));
+        continue;
+      }
       for (int q = 0; q < 4; ++q) {
         const std::uint64_t valid = sums.valid & BlockSums::mask(q);
         if (valid == 0 || (alone && hopeless(sums, q, valid))) continue;
-        const int right = (u - i * cell_px_ + q % 2 * (kBlockPx / 2)) / half;
-        const int below = (v - j * cell_px_ + q / 2 * (block_high / 2)) / half;
-        PyramidNode& quarter = quarters[2 * below + right];
-        quarter.moments +=
-            sums.quarter_moments(q, u - width_px_ / 2, v - height_px_ / 2, row_step_);
-        quarter.pixels += static_cast<std::uint32_t>(std::popcount(valid) * row_step_);
+        const int side = half >= kBlockPx ? right : q % 2;
+        add(quarters[q / 2 * 2 + side], sums.quarter_moments(q, u0, v0, row_step_));
       }
     }
   }

@@ -15,6 +15,8 @@ constexpr double kGainCapVariances = 100.0;
 constexpr std::uint32_t kLeastSplitPx = 12;
 /// Weight of the noise model against what the frame shows.
 constexpr double kPriorDof = 60.0;
+/// Looking at the clock costs as much as a node.
+constexpr unsigned kNodesPerLook = 4;
 /// Parameters of a plane.
 constexpr double kPlaneDof = 3.0;
 
@@ -50,8 +52,8 @@ Stop Quadtree::run(Pyramid& pyramid, const CameraModel& camera, double correlate
       consider(top, i, j);
     }
   }
-  while (heap_size_ > 0) {
-    if (deadline.expired()) return Stop::kDeadline;
+  for (unsigned k = 0; heap_size_ > 0; ++k) {
+    if (k % kNodesPerLook == 0 && deadline.expired()) return Stop::kDeadline;
     std::pop_heap(heap_.begin(), heap_.begin() + static_cast<std::ptrdiff_t>(heap_size_));
     const OpenNode node = heap_[--heap_size_];
     for (int k = 0; k < 4; ++k) {
@@ -64,7 +66,7 @@ Stop Quadtree::run(Pyramid& pyramid, const CameraModel& camera, double correlate
 
 Stop Quadtree::split_cells(Deadline deadline) noexcept {
   for (std::size_t k = 0; k < cell_count_; ++k) {
-    if (k % 8 == 0 && deadline.expired()) return Stop::kDeadline;
+    if (k % kNodesPerLook == 0 && deadline.expired()) return Stop::kDeadline;
     const Cell cell = cells_[k];
     if (leaf_count_ + 4 > kMaxLeaves || !pyramid_->split_cell(cell.i, cell.j)) break;
     for (int q = 0; q < 4; ++q) consider(0, 2 * cell.i + q % 2, 2 * cell.j + q / 2);

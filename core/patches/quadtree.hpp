@@ -42,6 +42,8 @@ class Quadtree {
            Deadline deadline) noexcept;
 
   [[nodiscard]] std::span<Leaf> leaves() noexcept { return leaves_.first(leaf_count_); }
+  /// Leaves of the size of a cell or more.
+  [[nodiscard]] std::size_t patch_count() const noexcept { return patch_count_; }
   /// Power of the noise that a flat node's plane feels, steps^2: variance of a pixel times the
   /// pixels that tell as much as one. Measured over the frame's leaves, the model is the prior.
   [[nodiscard]] double noise_power() const noexcept;

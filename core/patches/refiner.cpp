@@ -10,6 +10,8 @@ namespace {
 
 /// Cells without a plane are asked ring by ring: this many cells from the nearest plane.
 constexpr int kRings = 2;
+/// What is looked at between two looks at the clock.
+constexpr int kPixelsPerLook = 1024;
 /// A plane goes on into the next ring when it has one in so many of the cell's pixels.
 constexpr int kReachShare = 8;
 /// Planes larger than this have enough pixels in cells that are all theirs.
@@ -73,14 +75,16 @@ Stop Refiner::run(const DepthFrame& frame, const Pyramid& pyramid, std::uint32_t
     if (ring > 0 || !bury()) continue;
     if (look_along_borders(ring, deadline) == Stop::kDeadline) return Stop::kDeadline;
   }
-  refit();
-  return Stop::kConverged;
+  return refit(deadline);
 }
 
 Stop Refiner::look_along_borders(int ring, Deadline deadline) noexcept {
   std::uint8_t names[kMaxNearby];
+  // Of large cells after each, of small ones after some.
+  const int looks = std::max(1, kPixelsPerLook / (cell_px_ * cell_px_));
+  int left = looks;
+  if (deadline.expired()) return Stop::kDeadline;
   for (int j = 0; j < high_; ++j) {
-    if (deadline.expired()) return Stop::kDeadline;
     for (int i = 0; i < wide_; ++i) {
       const int cell = j * wide_ + i;
       if (looked_[cell] != 0 || pyramid_->at(Pyramid::kCellLevel, i, j).pixels == 0) continue;
@@ -91,6 +95,9 @@ Stop Refiner::look_along_borders(int ring, Deadline deadline) noexcept {
       looked_[cell] = static_cast<std::uint8_t>(count);
       std::copy_n(names, count, nearby_.begin() + cell * kMaxNearby);
       look(i, j, names, count);
+      if (--left > 0) continue;
+      left = looks;
+      if (deadline.expired()) return Stop::kDeadline;
     }
   }
   return Stop::kConverged;
@@ -202,7 +209,7 @@ void Refiner::look(int i, int j, const std::uint8_t* names, int count) noexcept 
   }
 }
 
-void Refiner::refit() noexcept {
+Stop Refiner::refit(Deadline deadline) noexcept {
   for (Candidate& plane : planes()) {
     plane.collected = {};
   }
@@ -217,6 +224,7 @@ void Refiner::refit() noexcept {
     plane.small = plane.alive && plane.collected.n < kSmallPlanePx;
   }
   for (int j = 0; j < high_; ++j) {
+    if (deadline.expired()) return Stop::kDeadline;  // the planes stay what they were
     for (int i = 0; i < wide_; ++i) {
       const int cell = j * wide_ + i;
       if (looked_[cell] != 0) {
@@ -231,6 +239,7 @@ void Refiner::refit() noexcept {
     plane.fit = f;
     plane.moments = plane.collected;
   }
+  return Stop::kConverged;
 }
 
 bool Refiner::distinct(int i, int j, const std::uint8_t* names, int count, int c) const noexcept {

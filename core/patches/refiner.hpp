@@ -32,7 +32,8 @@ struct Candidate {
 /// crease); the others are fitted again to all they have.
 ///
 /// Memory   fixed, from the arena: a byte a pixel, and a few a cell.
-/// Time     O(pixels of border cells), vectorised; overruns its deadline by one row of cells.
+/// Time     O(pixels of border cells), vectorised; overruns its deadline by one cell, or 1024 px
+///          of them.
 /// Threads  one at a time.
 /// Math     docs/math/patches.md, eq. 15
 class Refiner {
@@ -73,7 +74,7 @@ class Refiner {
   [[nodiscard]] bool uniform(int cell) const noexcept;
   [[nodiscard]] int nearby(int i, int j, std::uint8_t* out) const noexcept;
   void look(int i, int j, const std::uint8_t* names, int count) noexcept;
-  void refit() noexcept;
+  Stop refit(Deadline deadline) noexcept;
   /// Plane c is far from the others all over a cell: its pixels there cannot be theirs.
   [[nodiscard]] bool distinct(int i, int j, const std::uint8_t* names, int count,
                               int c) const noexcept;
