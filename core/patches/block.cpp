@@ -55,18 +55,13 @@ WSums all_quarters(const BlockSums& b) noexcept {
           static_cast<double>(ww)};
 }
 
-/// Of a row of 8 pixels by its bits: how many, and sums of u and u^2.
-struct RowCount {
-  std::uint8_t n, u, uu;
-};
-constexpr std::array<RowCount, 256> kRowCounts = [] {
-  std::array<RowCount, 256> out{};
+/// Of a row of 8 pixels by its bits: how many, and sums of u and u^2, 16 bits each from the lowest;
+/// no sum over a block leaves its 16 bits.
+constexpr std::array<std::uint64_t, 256> kRowCounts = [] {
+  std::array<std::uint64_t, 256> out{};
   for (unsigned bits = 0; bits < 256; ++bits) {
-    for (unsigned u = 0; u < 8; ++u) {
-      if ((bits >> u & 1U) == 0) continue;
-      out[bits].n = static_cast<std::uint8_t>(out[bits].n + 1);
-      out[bits].u = static_cast<std::uint8_t>(out[bits].u + u);
-      out[bits].uu = static_cast<std::uint8_t>(out[bits].uu + u * u);
+    for (std::uint64_t u = 0; u < 8; ++u) {
+      if ((bits >> u & 1U) != 0) out[bits] += 1 | u << 16 | u * u << 32;
     }
   }
   return out;
@@ -82,17 +77,18 @@ constexpr std::array<PixelCount, 4> kFullQuarters{{{16, 24, 24, 56, 36, 56},
 
 PixelCount PixelCount::of(std::uint64_t valid) noexcept {
   if (valid == BlockSums::kAll) return kFull;
-  PixelCount out;
-  for (int v = 0; valid != 0; ++v, valid >>= 8) {
-    const RowCount& row = kRowCounts[valid & 0xFF];
-    out.n += row.n;
-    out.u += row.u;
-    out.uu += row.uu;
-    out.v += v * row.n;
-    out.uv += v * row.u;
-    out.vv += v * v * row.n;
+  std::uint64_t plain = 0, by_v = 0, by_vv = 0;
+  for (unsigned v = 0; v < 8; ++v) {
+    const std::uint64_t row = kRowCounts[valid >> (8 * v) & 0xFF];
+    plain += row;
+    by_v += v * row;
+    by_vv += v * v * (row & 0xFFFF);
   }
-  return out;
+  const auto field = [](std::uint64_t sums, int k) {
+    return static_cast<std::int32_t>(sums >> (16 * k) & 0xFFFF);
+  };
+  return {field(plain, 0), field(plain, 1), field(by_v, 0),
+          field(plain, 2), field(by_v, 1),  static_cast<std::int32_t>(by_vv)};
 }
 
 Moments BlockSums::moments(int u0, int v0, int row_step) const noexcept {

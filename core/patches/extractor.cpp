@@ -39,8 +39,8 @@ constexpr double kLookNs = 2.1;
 /// Writing the result takes what is left behind the second look.
 constexpr double kWriteNs = 10e3;
 constexpr double kWritePatchNs = 150.0;
-/// Of a budget that is too short for a second look; the rest is for what was underestimated.
-constexpr double kPlanShare = 0.72;
+/// The rest of a budget is for what was underestimated, and for a coarse grain's second look.
+constexpr double kPlanShare = 0.68;
 constexpr int kCoarsestCellPx = 128;
 
 /// A plane that looks smoother than this share of the noise model has been lucky.
@@ -119,7 +119,7 @@ PatchExtractor::Plan PatchExtractor::plan(const DepthFrame& frame,
     const double front = kFrameNs + pixels * kPixelNs / out.grain.row_step + cells() * cell_ns;
     // The finest grain is worth it only with its second look; coarser ones take what there is.
     const double look = out.finest && config_.second_look ? pixels * kLookNs : 0.0;
-    return front + look <= left_ns * (out.finest ? 1.0 : kPlanShare);
+    return front + look <= left_ns * kPlanShare;
   };
   while (!fits() && out.grain.cell_px < kCoarsestCellPx) {
     out.finest = false;

@@ -155,6 +155,11 @@ void Quadtree::add_leaf(int level, int i, int j, double rss) noexcept {
     leaf_of_cell_[j * width_ + i] = index;
     return;
   }
+  if (level == Pyramid::kCellLevel) {
+    std::int16_t* upper = leaf_of_cell_.data() + 2 * j * width_ + 2 * i;
+    upper[0] = upper[1] = upper[width_] = upper[width_ + 1] = index;
+    return;
+  }
   const int edge = 1 << level;
   for (int y = j * edge; y < (j + 1) * edge; ++y) {
     std::fill_n(leaf_of_cell_.begin() + y * width_ + i * edge, edge, index);

@@ -2,6 +2,7 @@
 #include "core/patches/refiner.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cstring>
 
 namespace maplet {
@@ -14,8 +15,8 @@ constexpr int kRings = 2;
 constexpr int kPixelsPerLook = 1024;
 /// A plane goes on into the next ring when it has one in so many of the cell's pixels.
 constexpr int kReachShare = 8;
-/// Planes larger than this have enough pixels in cells that are all theirs.
-constexpr double kSmallPlanePx = 6000.0;
+/// Planes with more of the image than this have enough in cells that are all theirs.
+constexpr double kSmallPlaneShare = 0.02;
 /// A plane is fitted again when it keeps this share of its pixels without the doubtful ones.
 constexpr double kLeastCollected = 0.4;
 /// Beyond so many standard deviations a pixel is not on a plane.
@@ -43,7 +44,7 @@ Refiner::Refiner(Arena& arena)
       plane_of_cell_{arena.make_array<std::uint8_t>(kMaxFrameCells, "patches/plane of cell")},
       looked_{arena.make_array<std::uint8_t>(kMaxFrameCells, "patches/border cells")},
       nearby_{arena.make_array<std::uint8_t>(kMaxFrameCells * kMaxNearby, "patches/nearby planes")},
-      reach_{arena.make_array<std::uint8_t>(kMaxFrameCells, "patches/reach")},
+      reach_{arena.make_array<std::uint8_t>(3 * kMaxFrameCells + 16, "patches/reach")},
       pixel_planes_{
           arena.make_array<std::uint8_t>(kMaxWidthPx * kMaxHeightPx, "patches/pixel labels")},
       planes_{arena.make_array<Candidate>(kMaxCandidates, "patches/plane candidates")},
@@ -56,7 +57,7 @@ void Refiner::begin(const Pyramid& pyramid, std::size_t planes) noexcept {
   plane_count_ = planes;
   std::fill_n(looked_.begin(), wide_ * high_, std::uint8_t{0});
   std::fill_n(plane_of_cell_.begin(), wide_ * high_, kNone);
-  std::fill_n(reach_.begin(), wide_ * high_, kNone);
+  std::fill_n(reach_.begin(), reach_size(), kNone);
   std::fill(names_.begin(), names_.end(), kNone);
 }
 
@@ -87,11 +88,11 @@ Stop Refiner::look_along_borders(int ring, Deadline deadline) noexcept {
   for (int j = 0; j < high_; ++j) {
     for (int i = 0; i < wide_; ++i) {
       const int cell = j * wide_ + i;
-      if (looked_[cell] != 0 || pyramid_->at(Pyramid::kCellLevel, i, j).pixels == 0) continue;
-      if (ring > 0 && plane_of_cell_[cell] != kNone) continue;
-      if (i > 0 && j > 0 && i + 2 < wide_ && j + 1 < high_ && uniform(cell)) continue;
+      if (looked_[cell] != 0 || (ring > 0 && plane_of_cell_[cell] != kNone)) continue;
+      if (uniform(i, j)) continue;
       const int count = nearby(i, j, names);
       if (count == 0 || (count == 1 && plane_of_cell_[cell] == names[0])) continue;
+      if (pyramid_->at(Pyramid::kCellLevel, i, j).pixels == 0) continue;
       looked_[cell] = static_cast<std::uint8_t>(count);
       std::copy_n(names, count, nearby_.begin() + cell * kMaxNearby);
       look(i, j, names, count);
@@ -113,7 +114,7 @@ bool Refiner::bury() noexcept {
   const auto dead = [&](std::uint8_t plane) { return plane != kNone && !planes_[plane].alive; };
   for (int j = 0; j < high_; ++j) {
     for (int i = 0; i < wide_; ++i) {
-      if (!dead(reach_[j * wide_ + i])) continue;
+      if (!dead(reach_[reach_at(i, j)])) continue;
       const int first = std::max(0, i - 1);
       const int last = std::min(wide_ - 1, i + 1);
       for (int y = std::max(0, j - 1); y <= std::min(high_ - 1, j + 1); ++y) {
@@ -124,35 +125,35 @@ bool Refiner::bury() noexcept {
   }
   for (int cell = 0; cell < wide_ * high_; ++cell) {
     if (dead(plane_of_cell_[cell])) plane_of_cell_[cell] = kNone;
-    if (dead(reach_[cell])) reach_[cell] = kNone;
+  }
+  for (std::uint8_t& plane : reach_.first(reach_size())) {
+    if (dead(plane)) plane = kNone;
   }
   return true;
 }
 
-bool Refiner::uniform(int cell) const noexcept {
-  const std::uint32_t all = reach_[cell] * 0x010101U;
-  const auto differs = [&](int at) {
-    std::uint32_t four;  // one more than needed: the row goes on there
-    std::memcpy(&four, reach_.data() + at - 1, sizeof four);
+bool Refiner::uniform(int i, int j) const noexcept {
+  const std::uint8_t* middle = reach_.data() + reach_at(i, j);
+  const std::uint32_t all = *middle * 0x010101U;
+  const auto differs = [&](const std::uint8_t* three) {
+    std::uint32_t four;  // one more than needed: the next row's first
+    std::memcpy(&four, three - 1, sizeof four);
     return (four ^ all) & 0xFFFFFFU;
   };
-  return (differs(cell - wide_) | differs(cell) | differs(cell + wide_)) == 0;
+  return (differs(middle - reach_wide()) | differs(middle) | differs(middle + reach_wide())) == 0;
 }
 
 int Refiner::nearby(int i, int j, std::uint8_t* out) const noexcept {
   int count = 0;
-  std::uint8_t last = kNone;
-  const int first_x = std::max(0, i - 1);
-  const int last_x = std::min(wide_ - 1, i + 1);
-  for (int y = std::max(0, j - 1); y <= std::min(high_ - 1, j + 1); ++y) {
-    const std::uint8_t* row = reach_.data() + y * wide_;
-    for (int x = first_x; x <= last_x; ++x) {
-      const std::uint8_t plane = row[x];
-      if (plane == kNone || plane == last) continue;
-      last = plane;
-      bool known = count == kMaxNearby;
-      for (int k = 0; k < count; ++k) known |= out[k] == plane;
-      if (!known) out[count++] = plane;
+  std::array<std::uint64_t, 4> seen{0, 0, 0, std::uint64_t{1} << 63};  // kNone is no plane
+  const std::uint8_t* row = reach_.data() + reach_at(i, j) - reach_wide();
+  for (int y = 0; y < 3; ++y, row += reach_wide()) {
+    for (int x = -1; x <= 1; ++x) {
+      std::uint64_t& word = seen[row[x] / 64U];
+      const std::uint64_t bit = std::uint64_t{1} << (row[x] % 64U);
+      if ((word & bit) != 0 || count == kMaxNearby) continue;
+      word |= bit;
+      out[count++] = row[x];
     }
   }
   return count;
@@ -205,7 +206,7 @@ void Refiner::look(int i, int j, const std::uint8_t* names, int count) noexcept 
   if (plane_of_cell_[cell] != kNone) return;
   const auto best = std::max_element(won, won + count);
   if (*best * kReachShare >= static_cast<std::uint32_t>(cell_px_ * cell_px_)) {
-    reach_[cell] = names[best - won];
+    reach_[reach_at(i, j)] = names[best - won];
   }
 }
 
@@ -221,7 +222,7 @@ Stop Refiner::refit(Deadline deadline) noexcept {
     }
   }
   for (Candidate& plane : planes()) {
-    plane.small = plane.alive && plane.collected.n < kSmallPlanePx;
+    plane.small = plane.alive && plane.collected.n < kSmallPlaneShare * width_px_ * height_px_;
   }
   for (int j = 0; j < high_; ++j) {
     if (deadline.expired()) return Stop::kDeadline;  // the planes stay what they were

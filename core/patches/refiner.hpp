@@ -48,10 +48,10 @@ class Refiner {
   /// Gives a plane's index to cells of a row of cells.
   void name_cells(int i, int j, int count, std::uint8_t plane) noexcept {
     std::fill_n(plane_of_cell_.begin() + j * wide_ + i, count, plane);
-    std::fill_n(reach_.begin() + j * wide_ + i, count, plane);
+    std::fill_n(reach_.begin() + reach_at(i, j), count, plane);
   }
   /// A part of a cell without plane belongs to this one.
-  void hint_cell(int i, int j, std::uint8_t plane) noexcept { reach_[j * wide_ + i] = plane; }
+  void hint_cell(int i, int j, std::uint8_t plane) noexcept { reach_[reach_at(i, j)] = plane; }
   [[nodiscard]] std::span<Candidate> planes() noexcept { return planes_.first(plane_count_); }
 
   /// @param least_pixels  a plane with fewer is none
@@ -70,8 +70,14 @@ class Refiner {
 
   Stop look_along_borders(int ring, Deadline deadline) noexcept;
   [[nodiscard]] bool bury() noexcept;
-  /// A cell inside the image and its eight neighbours have one plane.
-  [[nodiscard]] bool uniform(int cell) const noexcept;
+  // reach_ has a border of cells without plane all round, and a byte to read beyond.
+  [[nodiscard]] int reach_wide() const noexcept { return wide_ + 2; }
+  [[nodiscard]] int reach_at(int i, int j) const noexcept { return (j + 1) * reach_wide() + i + 1; }
+  [[nodiscard]] std::size_t reach_size() const noexcept {
+    return static_cast<std::size_t>(reach_wide() * (high_ + 2) + 1);
+  }
+  /// A cell and its eight neighbours have one plane, or none.
+  [[nodiscard]] bool uniform(int i, int j) const noexcept;
   [[nodiscard]] int nearby(int i, int j, std::uint8_t* out) const noexcept;
   void look(int i, int j, const std::uint8_t* names, int count) noexcept;
   Stop refit(Deadline deadline) noexcept;

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <vector>
 
+#include "core/patches/extent.hpp"
 #include "core/patches/extractor.hpp"
 #include "daemon/progress.hpp"
 #include "drivers/open_source.hpp"
@@ -33,18 +34,20 @@ struct Options {
   bool json = false;
 };
 
-Json plane_to_json(std::size_t id, const FramePlane& plane, std::uint32_t pixels) {
+Json plane_to_json(std::size_t id, const PatchSet& set, std::uint32_t pixels) {
+  const FramePlane& plane = set.planes[id - 1];
   const Plane p = plane.plane();
   const Eigen::Matrix3d covariance = plane.information.inverse();
   Json theta_covariance = Json::array();
   for (int k = 0; k < 9; ++k) theta_covariance.push_back(covariance(k / 3, k % 3));
-  return {{"id", id},
-          {"n", {p.n.x(), p.n.y(), p.n.z()}},
-          {"d", p.d},
-          {"area_m2", plane.area_m2},
-          {"pixels", pixels},
-          {"rms_mm", plane.rms_m * 1e3},
-          {"theta_covariance", theta_covariance}};
+  Json polygon = Json::array();
+  for (const Eigen::Vector3d& corner : extent(set, id - 1)) {
+    polygon.push_back({corner.x(), corner.y(), corner.z()});
+  }
+  return {{"id", id},           {"n", {p.n.x(), p.n.y(), p.n.z()}},
+          {"d", p.d},           {"area_m2", plane.area_m2},
+          {"pixels", pixels},   {"rms_mm", plane.rms_m * 1e3},
+          {"polygon", polygon}, {"theta_covariance", theta_covariance}};
 }
 
 /// The contract's line; ids and pixels are those of labels/.
@@ -54,7 +57,7 @@ Json frame_to_json(const DepthFrame& frame, const PatchSet& set,
   for (const std::uint16_t label : labels) ++pixels[label];
   Json planes = Json::array();
   for (std::size_t p = 0; p < set.planes.size(); ++p) {
-    planes.push_back(plane_to_json(p + 1, set.planes[p], pixels[p + 1]));
+    planes.push_back(plane_to_json(p + 1, set, pixels[p + 1]));
   }
   return {{"frame", frame.index},
           {"stop", std::string{to_string(set.stop)}},
