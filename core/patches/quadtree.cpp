@@ -52,8 +52,8 @@ Stop Quadtree::run(Pyramid& pyramid, const CameraModel& camera, double correlate
       consider(top, i, j);
     }
   }
-  for (unsigned k = 0; heap_size_ > 0; ++k) {
-    if (k % kNodesPerLook == 0 && deadline.expired()) return Stop::kDeadline;
+  for (unsigned nodes = 0; heap_size_ > 0; ++nodes) {
+    if (nodes % kNodesPerLook == 0 && deadline.expired()) return Stop::kDeadline;
     std::pop_heap(heap_.begin(), heap_.begin() + static_cast<std::ptrdiff_t>(heap_size_));
     const OpenNode node = heap_[--heap_size_];
     for (int k = 0; k < 4; ++k) {

@@ -73,7 +73,11 @@ PatchConfig PatchOptions::config() const {
   return config;
 }
 
-NoiseModel PatchOptions::noise() const { return typical_noise(*sensor_kind(noise_)); }
+SourceOptions PatchOptions::source() const {
+  SourceOptions options;
+  options.noise = typical_noise(*sensor_kind(noise_));
+  return options;
+}
 
 Deadline PatchOptions::deadline() const {
   if (budget_us_ == 0) return Deadline::never();

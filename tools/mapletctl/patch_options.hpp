@@ -9,6 +9,7 @@
 #include "core/base/deadline.hpp"
 #include "core/frame/sensor_kind.hpp"
 #include "core/patches/patch_config.hpp"
+#include "drivers/source.hpp"
 
 namespace maplet::ctl {
 
@@ -18,8 +19,8 @@ class PatchOptions {
   void add_to(CLI::App& command);
   /// Throws Failure for a key or value that makes no sense.
   [[nodiscard]] PatchConfig config() const;
-  /// Of sources that do not tell their own.
-  [[nodiscard]] NoiseModel noise() const;
+  /// The noise model of sources that do not tell their own.
+  [[nodiscard]] SourceOptions source() const;
   /// From now: --budget-us on the monotonic clock, or never.
   [[nodiscard]] Deadline deadline() const;
 

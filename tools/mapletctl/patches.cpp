@@ -77,7 +77,7 @@ void make_folder(const fs::path& folder) {
 }
 
 void run(const Options& options) {
-  auto source = open_source(options.source, {.noise = options.patches.noise()});
+  auto source = open_source(options.source, options.patches.source());
   if (!source) {
     throw Failure{source.error().what, source.error().kind == SourceError::Kind::kUsage ? 2 : 1};
   }

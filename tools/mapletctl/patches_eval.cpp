@@ -37,7 +37,7 @@ struct Totals {
 };
 
 void run_source(const std::string& uri, const Options& options, Totals& totals) {
-  auto source = open_source(uri, {.noise = options.patches.noise()});
+  auto source = open_source(uri, options.patches.source());
   if (!source) throw Failure{source.error().what};
   const auto known = PatchTruth::of(uri, **source);
   Arena arena;

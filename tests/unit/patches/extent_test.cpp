@@ -62,7 +62,9 @@ TEST(Extent, HoldsAllPatchesOfATrianglesHalf) {
     const Eigen::Vector2d b = set.camera.project(polygon[(k + 1) % polygon.size()]);
     doubled += a.x() * b.y() - a.y() * b.x();
   }
-  EXPECT_NEAR(doubled / 2.0, 320.0 * 240.0 / 2.0, 0.08 * 320.0 * 240.0);
+  // Patches along the border reach half a patch beyond it: half their pixels may have no depth.
+  EXPECT_GT(doubled / 2.0, 0.98 * 320.0 * 240.0 / 2.0);
+  EXPECT_LT(doubled / 2.0, 1.30 * 320.0 * 240.0 / 2.0);
 }
 
 TEST(Extent, PlaneWithoutPatchesHasNone) {
