@@ -36,15 +36,8 @@ int PoseGraph<Space>::add_node(const Pose& pose, Seniority seniority) noexcept {
 }
 
 template <class Space>
-int PoseGraph<Space>::add_between(int a, int b, const Pose& z, const Block& information) noexcept {
-  const double stiffness = kAnchorStiffness * information.diagonal().maxCoeff();
-  for (const int n : {a, b}) {
-    Node<Space>& gauge = graph_.node(graph_.node(n).group);
-    if (gauge.anchor == 0.0) gauge.anchor = stiffness;
-  }
-  if (graph_.node(a).group != graph_.node(b).group) join_groups(a, b, z);
-  appoint_gauge(a);
-  appoint_gauge(b);
+int PoseGraph<Space>::add_between(int a, int b, const Pose& z, const Block& information,
+                                  double weight) noexcept {
   Factor<Space> f;
   f.a = a;
   f.b = b;
@@ -53,19 +46,39 @@ int PoseGraph<Space>::add_between(int a, int b, const Pose& z, const Block& info
   for (int r = 0; r < Space::kDim; ++r)
     for (int c = 0; c <= r; ++c) f.information[k++] = 0.5 * (information(r, c) + information(c, r));
   f.stiffness = information.diagonal().maxCoeff();
+  f.weight = weight;
   const int index = graph_.add_factor(f);
-  for (const int n : {a, b})  // the factor that brought a new node here says where it is
-    if (graph_.node(n).hung_from == kNone && !elimination_.contains(n) &&
-        graph_.node(n).seniority > graph_.node(n == a ? b : a).seniority) {
-      graph_.node(n).hung_from = index;
-      graph_.node(n).backup = Space::between(graph_.node(n == a ? b : a).pose, graph_.node(n).pose);
-    }
-  mark_dirty(index);
-  const typename Space::Tangent e = Space::error(f.z, relative_pose(graph_, f));
-  pending_ += e.dot(weigh(f, e));
-  objective_changed_ = new_input_ = true;
-  newest_ = std::max(a, b);
+  graph_.factor(index).state.active = false;
+  newest_ = std::max({a, b, newest_});
+  new_input_ = true;
+  if (weight > 0.0) link_in(index);
   return index;
+}
+
+// A factor begins to count: its nodes are of one group from now on.
+template <class Space>
+void PoseGraph<Space>::link_in(int factor) noexcept {
+  Factor<Space>& f = graph_.factor(factor);
+  for (const int n : {f.a, f.b}) {
+    Node<Space>& gauge = graph_.node(graph_.node(n).group);
+    if (gauge.anchor == 0.0) gauge.anchor = kAnchorStiffness * f.stiffness;
+  }
+  if (graph_.node(f.a).group != graph_.node(f.b).group) join_groups(f.a, f.b, f.z);
+  appoint_gauge(f.a);
+  appoint_gauge(f.b);
+  f.state.active = true;
+  for (const int n : {f.a, f.b}) {  // the factor that brought a new node here says where it is
+    const int other = n == f.a ? f.b : f.a;
+    if (graph_.node(n).hung_from == kNone && !elimination_.contains(n) &&
+        graph_.node(n).seniority > graph_.node(other).seniority) {
+      graph_.node(n).hung_from = factor;
+      graph_.node(n).backup = Space::between(graph_.node(other).pose, graph_.node(n).pose);
+    }
+  }
+  mark_dirty(factor);
+  const typename Space::Tangent e = Space::error(f.z, relative_pose(graph_, f));
+  pending_ += f.weight * e.dot(weigh(f, e));
+  objective_changed_ = new_input_ = true;
 }
 
 // The junior group moves rigidly so that z holds, and gives up its gauge.
@@ -88,7 +101,9 @@ void PoseGraph<Space>::move_group(int gauge, int new_gauge, const Pose& by) noex
     n.pose = Space::compose(by, n.pose);
     n.group = new_gauge;
   };
-  if (graph_.node(gauge).first_incidence == kNone) {  // a node on its own: the usual case
+  bool alone = true;
+  graph_.for_each_incident(gauge, [&](int f, int) { alone &= !graph_.factor(f).state.active; });
+  if (alone) {  // a node on its own: the usual case
     move(graph_.node(gauge));
     return;
   }
@@ -118,8 +133,15 @@ void PoseGraph<Space>::mark_dirty(int factor) noexcept {
 template <class Space>
 void PoseGraph<Space>::set_weight(int factor, double weight) noexcept {
   Factor<Space>& f = graph_.factor(factor);
-  pending_ += std::abs(weight - f.weight) * f.chi2;
+  if (weight == f.weight && f.state.active == (weight > 0.0)) return;
+  const double before = f.weight;
   f.weight = weight;
+  if (weight > 0.0 && !f.state.active) return link_in(factor);
+  pending_ += std::abs(weight - before) * f.chi2;
+  if (weight == 0.0) {
+    stepper_.withdraw(factor);
+    f.state.active = false;
+  }
   mark_dirty(factor);
   objective_changed_ = new_input_ = true;
 }
@@ -351,8 +373,19 @@ bool PoseGraph<Space>::any_stale() const noexcept {
 template <class Space>
 bool PoseGraph<Space>::due(bool idle) const noexcept {
   if (dirty_count_ == 0) return false;
-  return idle || job_first_ ||
+  return idle || job_first_ || flushing_ ||
          !(pending_ < std::max(policy_.defer_share * stepper_.chi2(), 5.0 * policy_.step_gain));
+}
+
+template <class Space>
+void PoseGraph<Space>::flush() noexcept {
+  flushing_ = true;
+  for (int k = 0; k < 1000 && (dirty_count_ > 0 || elimination_.busy()); ++k) {
+    job_first_ = true;
+    new_input_ = true;
+    (void)update(Deadline::never());
+  }
+  flushing_ = false;
 }
 
 template <class Space>

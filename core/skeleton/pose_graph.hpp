@@ -61,8 +61,11 @@ class PoseGraph {
   /// The measurement T_a_b = z. Groups that it joins become one: the junior one moves to fit. The
   /// most senior node of a group is its gauge, at the identity once it has measurements.
   /// @param information  positive definite  @pre !graph().factors_full()
-  int add_between(int a, int b, const Pose& z, const Block& information) noexcept;
-  /// Scales a factor's information from now on; 0 switches it off.
+  /// @param weight  0: it is only remembered, until set_weight
+  int add_between(int a, int b, const Pose& z, const Block& information,
+                  double weight = 1.0) noexcept;
+  /// Scales a factor's information from now on; 0 switches it off. One that was off and joins two
+  /// groups does so now.
   void set_weight(int factor, double weight) noexcept;
 
   /// Anytime: eliminates what changed, then steps until nothing gains any more. After new input
@@ -80,6 +83,12 @@ class PoseGraph {
     stepper_.evaluate_all();
     return stepper_.chi2();
   }
+  /// Eliminates what waits, whatever it is worth: all nodes with factors are in the factor then.
+  void flush() noexcept;
+  /// No step has been made since the factors were last evaluated.
+  [[nodiscard]] bool up_to_date() const noexcept {
+    return !stepper_.busy() && !stepper_.unverified() && !elimination_.busy();
+  }
   /// Nothing waits and no step gains any more.
   [[nodiscard]] bool settled() const noexcept {
     return settled_ && !new_input_ && dirty_count_ == 0 && !elimination_.busy() && !stepper_.busy();
@@ -89,6 +98,7 @@ class PoseGraph {
 
  private:
   void mark_dirty(int factor) noexcept;
+  void link_in(int factor) noexcept;
   void join_groups(int a, int b, const Pose& z) noexcept;
   void move_group(int gauge, int new_gauge, const Pose& by) noexcept;
   void appoint_gauge(int node) noexcept;
@@ -122,6 +132,7 @@ class PoseGraph {
   bool new_input_ = false;
   bool fresh_job_ = false;  ///< the job under way linearises everything
   int misled_ = 0;          ///< steps that gained too little, since the last convergence
+  bool flushing_ = false;
   bool job_first_ = false;  ///< before the next step
   bool refresh_ = false;    ///< everything is to be linearised anew, when idle
   bool objective_changed_ = false;

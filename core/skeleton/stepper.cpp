@@ -143,7 +143,7 @@ auto Stepper<Space>::judge(double tolerance) noexcept -> Result {
   if (reference_ < 0.0 || chi2_ <= reference_ + 0.1 * tolerance) {
     take_reference();
     scale_ = std::min(1.0, 2.0 * scale_);
-  } else if (++since_reference_ >= kPatience || !std::isfinite(chi2_)) {
+  } else if (++since_reference_ >= kPatience || !(chi2_ < kFar * reference_)) {
     back_to_reference();
     last_power_ = 0.0;
     scale_ *= 0.25;

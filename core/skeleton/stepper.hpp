@@ -92,7 +92,8 @@ class Stepper {
   [[nodiscard]] double predicted() const noexcept { return predicted_; }
 
  private:
-  static constexpr int kPatience = 4;  ///< steps that may pass without a new low
+  static constexpr int kPatience = 4;    ///< steps that may pass without a new low
+  static constexpr double kFar = 100.0;  ///< times the low: taken back at once
 
   enum class Phase : std::uint8_t { kIdle, kEvaluate, kForward, kBackward, kMove };
 

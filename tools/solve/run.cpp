@@ -10,6 +10,7 @@
 #include <map>
 #include <unordered_map>
 
+#include "core/skeleton/closure_judge.hpp"
 #include "core/skeleton/linearise.hpp"
 #include "core/skeleton/pose_graph.hpp"
 #include "tools/solve/fill.hpp"
@@ -64,6 +65,8 @@ std::uint64_t moment(std::uint64_t id) { return id & ((std::uint64_t{1} << 56) -
 template <class Space>
 class Run {
   static constexpr int kMostIdleSteps = 20'000;
+  static constexpr int kMostReviews = 30;
+  static constexpr int kLooksPerStep = 4;
 
  public:
   Run(const GraphFile& file, const SolveOptions& options) : file_{file}, options_{options} {
@@ -74,6 +77,7 @@ class Run {
     limits.max_blocks = blocks_wanted();
     arena_.emplace(std::size_t{1} << 34);
     solver_.emplace(limits, *arena_);
+    if (options.robust) judge_.emplace(*solver_, *arena_);
     (void)arena_->seal(false);
     node_of_.reserve(2 * nodes_wanted_);
     outcome_.steps.reserve(order_.size() + options.idle_steps + 1);
@@ -154,9 +158,32 @@ class Run {
     const Edge& e = file_.edges[edge];
     const int a = node(e.a);
     const int b = node(e.b);
-    const int f =
-        solver_->add_between(a, b, to_pose(e.z, Space{}), to_block(e.information, Space{}));
+    const bool doubted = judge_ && closure(e);
+    const int f = solver_->add_between(a, b, to_pose(e.z, Space{}),
+                                       to_block(e.information, Space{}), doubted ? 0.0 : 1.0);
     edge_of_[f] = edge;
+    if (!doubted) return;
+    solver_->flush();
+    judge_->consider(f);
+  }
+
+  /// Odometry follows its agent's poses one by one and is trusted; all else is a closure.
+  [[nodiscard]] static bool closure(const Edge& e) {
+    return e.a > e.b ? e.a - e.b != 1 : e.b - e.a != 1;
+  }
+
+  /// After the last pose: verdicts over the whole set, each round at a settled estimate.
+  void review() {
+    for (int round = 0; judge_ && round < kMostReviews; ++round) {
+      bool changed = false;
+      timed([&] {
+        changed = judge_->review();
+        return solver_->update(Deadline::never());
+      });
+      if (!changed) break;
+      for (int k = 0; k < kMostIdleSteps && !solver_->settled(); ++k)
+        timed([&] { return solver_->update(Deadline::never()); });
+    }
   }
 
   void batch() {
@@ -184,7 +211,9 @@ class Run {
       timed([&] {
         const Deadline end = deadline();
         for (std::size_t k = first; k < i; ++k) add(order_[k].edge);
-        return solver_->update(end);
+        const SolveReport report = solver_->update(end);
+        if (judge_) judge_->look_again(kLooksPerStep);
+        return report;
       });
     }
     // After the last pose: as many steps as were asked for; else, with no budget, until it settles.
@@ -192,6 +221,7 @@ class Run {
     const int idle = to_the_end ? kMostIdleSteps : options_.idle_steps;
     for (int k = 0; k < idle && !(to_the_end && solver_->settled()); ++k)
       timed([&] { return solver_->update(deadline()); });
+    if (to_the_end) review();
   }
 
   template <class Step>
@@ -218,8 +248,7 @@ class Run {
     const Graph<Space>& graph = solver_->graph();
     for (int i = 0; i < graph.factor_end(); ++i) {
       const Factor<Space>& f = graph.factor(i);
-      if (!f.state.active) continue;
-      if (f.weight < 0.5) {
+      if (!f.state.active || f.weight < 0.5) {
         outcome_.rejected.push_back(file_.edges[edge_of_[i]]);
         continue;
       }
@@ -251,6 +280,7 @@ class Run {
   std::vector<int> edge_of_;
   std::optional<Arena> arena_;
   std::optional<PoseGraph<Space>> solver_;
+  std::optional<ClosureJudge<Space>> judge_;
   SolveOutcome outcome_;
 };
 

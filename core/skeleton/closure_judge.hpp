@@ -1,0 +1,86 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "core/base/arena.hpp"
+#include "core/skeleton/marginals.hpp"
+#include "core/skeleton/pose_graph.hpp"
+
+namespace maplet {
+
+/// Where a closure stands.
+enum class ClosureState : std::uint8_t {
+  kNone,      ///< no closure: odometry, trusted
+  kWaiting,   ///< agrees with the graph, which knows too little there for that to
+              ///< mean much
+  kAccepted,  ///< weight 1
+  kRejected,  ///< weight 0; tested again as the graph changes
+  kForced,    ///< by hand, either way: never tested
+};
+
+/// Decides which closures to believe, as they come, and decides again both ways
+/// as the graph learns.
+///
+/// A closure is tested against what the graph already knows: its error at the
+/// estimate, with the relative covariance of its nodes. One that fails is out.
+/// One that passes where the test is sharp (by chance few wrong ones would) is
+/// in. Where it is blunt, the closure waits until another one, given the first,
+/// passes a sharp test: two wrong ones seldom agree.
+///
+/// Memory   eight bytes a factor, and Marginals.
+/// Time     consider O(path to the root); review O(closures), one graph update
+/// each round. Math     docs/math/skeleton.md, section 8.
+template <class Space>
+class ClosureJudge {
+ public:
+  using Tangent = typename Space::Tangent;
+  using Block = typename Space::Block;
+
+  ClosureJudge(PoseGraph<Space> &graph, Arena &arena);
+
+  /// A closure that has been added with weight 0: decides now. @pre the graph
+  /// is flushed
+  /// @param compare  with those that wait, where its own test is blunt
+  void consider(int factor, bool compare = true) noexcept;
+  /// Tests some of the others again, `count` of them.
+  void look_again(int count) noexcept;
+  /// The whole set once more, at a settled estimate. @return whether a verdict
+  /// changed
+  bool review() noexcept;
+  void force(int factor, bool accept) noexcept;
+
+  [[nodiscard]] ClosureState state(int factor) const noexcept { return state_[factor]; }
+  [[nodiscard]] Marginals<Space> &marginals() noexcept { return marginals_; }
+
+ private:
+  struct Innovation {
+    Tangent e;
+    Block covariance;
+  };
+
+  [[nodiscard]] bool measure(int factor, int slot, Innovation &out) noexcept;
+  [[nodiscard]] double chance(const Block &covariance) const noexcept;
+  [[nodiscard]] bool corroborated(int factor, const Innovation &own) noexcept;
+  [[nodiscard]] double cycle(int factor, int other) noexcept;
+  void join_if_paired(int factor) noexcept;
+  [[nodiscard]] double without_it(int factor) noexcept;
+  void accept(int factor) noexcept;
+  void reject(int factor) noexcept;
+  void measure_extent() noexcept;
+
+  PoseGraph<Space> &graph_;
+  Marginals<Space> marginals_;
+  std::span<ClosureState> state_;
+  std::span<int> closures_;  ///< in order of arrival
+  int closure_count_ = 0;
+  int cursor_ = 0;
+  double extent_ = 1.0;  ///< of the map, m
+  int extent_nodes_ = 0;
+};
+
+extern template class ClosureJudge<PlanarSpace>;
+extern template class ClosureJudge<SpatialSpace>;
+
+}  // namespace maplet

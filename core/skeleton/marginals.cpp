@@ -1,0 +1,87 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#include "core/skeleton/marginals.hpp"
+
+#include <algorithm>
+
+#include "core/skeleton/linearise.hpp"
+
+namespace maplet {
+
+template <class Space>
+Marginals<Space>::Marginals(const Graph<Space> &graph, const Elimination<Space> &elimination,
+                            Arena &arena)
+    : graph_{graph},
+      elimination_{elimination},
+      rows_{arena.make_array<Row>(graph.max_nodes(), "skeleton/marginals")},
+      kept_{arena.make_array<int>(graph.max_nodes(), "skeleton/marginals"),
+            arena.make_array<int>(graph.max_nodes(), "skeleton/marginals")} {}
+
+template <class Space>
+bool Marginals<Space>::known(int a, int b) const noexcept {
+  return elimination_.contains(a) && (b == kNone || elimination_.contains(b));
+}
+
+template <class Space>
+int Marginals<Space>::collect(int node, int slot, int count) noexcept {
+  while (node != kNone && rows_[node].mark[slot] != stamp_[slot]) {
+    rows_[node].mark[slot] = stamp_[slot];
+    rows_[node].x[slot].setZero();
+    kept_[slot][count++] = node;
+    node = elimination_.parent(node);
+  }
+  return count;
+}
+
+template <class Space>
+auto Marginals<Space>::project(int a, const Block &by_a, int b, const Block &by_b,
+                               int slot) noexcept -> Block {
+  ++stamp_[slot];
+  int count = collect(a, slot, 0);
+  if (b != kNone) count = collect(b, slot, count);
+  kept_count_[slot] = count;
+  const std::span<int> path = kept_[slot].first(static_cast<std::size_t>(count));
+  std::sort(path.begin(), path.end(),
+            [&](int i, int j) { return elimination_.rank(i) < elimination_.rank(j); });
+  rows_[a].x[slot] += by_a.transpose();
+  if (b != kNone) rows_[b].x[slot] += by_b.transpose();
+  const auto &pool = elimination_.pool();
+  Block sum = Block::Zero();
+  for (const int node : path) {
+    Block &x = rows_[node].x[slot];
+    const int start = pool.start(node);
+    Eigen::Map<const Block>{pool.block(start)}.template triangularView<Eigen::Lower>().solveInPlace(
+        x);
+    sum.noalias() += x.transpose() * x;
+    for (int s = start + 1; s < start + pool.length(node); ++s)
+      rows_[pool.slot(s).row].x[slot].noalias() -= Eigen::Map<const Block>{pool.block(s)} * x;
+  }
+  return sum;
+}
+
+template <class Space>
+auto Marginals<Space>::cross() const noexcept -> Block {
+  Block sum = Block::Zero();
+  for (int k = 0; k < kept_count_[1]; ++k) {
+    const Row &row = rows_[kept_[1][k]];
+    if (row.mark[0] == stamp_[0]) sum.noalias() += row.x[1].transpose() * row.x[0];
+  }
+  return sum;
+}
+
+template <class Space>
+auto Marginals<Space>::of(int node) noexcept -> Block {
+  return project(node, Block::Identity(), kNone, Block::Zero());
+}
+
+template <class Space>
+auto Marginals<Space>::of(int a, int b) noexcept -> Block {
+  const auto rel = Space::between(graph_.node(a).pose, graph_.node(b).pose);
+  Block by_a, by_b;
+  Space::jacobians(rel, rel, Tangent::Zero(), by_a, by_b);
+  return project(a, by_a, b, by_b);
+}
+
+template class Marginals<PlanarSpace>;
+template class Marginals<SpatialSpace>;
+
+}  // namespace maplet
