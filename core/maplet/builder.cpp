@@ -48,7 +48,8 @@ const MapletCut* MapletBuilder::add(const Keyframe& keyframe, Deadline deadline)
     const Member last = members_.back();
     done = cut(CutReason::kLost);
     const Se3 T_last_this = last.T_odom_camera.inverse() * keyframe.T_odom_camera.se3;
-    link_to(keyframe.T_odom_camera.se3, chain(last.covariance, T_last_this, keyframe.covariance));
+    link_to(last.T_origin_camera * T_last_this,
+            chain(last.covariance, T_last_this, keyframe.covariance));
     start(keyframe);
   } else if (const CutReason reason = due(keyframe); reason != CutReason::kNone) {
     done = cut(reason);
@@ -97,7 +98,7 @@ void MapletBuilder::start_overlapping(Deadline deadline) noexcept {
   const std::size_t end = recent_count_;
   const std::size_t first = end - shared;
   const Member& origin = members_[members_.size() - shared];
-  link_to(origin.T_odom_camera, origin.covariance);
+  link_to(origin.T_origin_camera, origin.covariance);
   start(*recent_[first % recent_.size()]);
   for (std::size_t i = first; i < end; ++i) {
     recent_count_ = i;  // each keeps its place in the ring
@@ -106,27 +107,27 @@ void MapletBuilder::start_overlapping(Deadline deadline) noexcept {
   shared_ = shared;
 }
 
-void MapletBuilder::link_to(const Se3& T_odom_origin, const Matrix6d& covariance) noexcept {
+void MapletBuilder::link_to(const Se3& T_previous_this, const Matrix6d& covariance) noexcept {
   link_.valid = true;
   link_.previous = cut_->maplet.key;
   link_.stamp_previous = cut_->maplet.stamp;
-  link_.T_previous_this =
-      Transform<MapletFrame, MapletFrame>{members_.front().T_odom_camera.inverse() * T_odom_origin};
+  link_.T_previous_this = Transform<MapletFrame, MapletFrame>{T_previous_this};
   link_.covariance = covariance;
 }
 
 void MapletBuilder::take(const Keyframe& keyframe, Deadline deadline) noexcept {
-  Member member{keyframe.stamp, keyframe.T_odom_camera.se3, Matrix6d::Zero(),
+  Member member{keyframe.stamp, keyframe.T_odom_camera.se3, Se3{}, Matrix6d::Zero(),
                 keyframe.patches.valid_pixels};
   if (!members_.empty()) {
     const Member& last = members_.back();
     const Se3 T_last_this = last.T_odom_camera.inverse() * member.T_odom_camera;
     member.covariance = chain(last.covariance, T_last_this, keyframe.covariance);
+    member.T_origin_camera =
+        map_.refine(keyframe.patches, last.T_origin_camera * T_last_this, keyframe.covariance);
     rule_.go(member.T_odom_camera);
   }
   members_.push_back(member);
-  map_.add(keyframe.patches, members_.front().T_odom_camera.inverse() * member.T_odom_camera,
-           member.covariance, deadline);
+  map_.add(keyframe.patches, member.T_origin_camera, member.covariance, deadline);
   remember(keyframe);
 }
 
@@ -144,10 +145,9 @@ const MapletCut* MapletBuilder::cut(CutReason reason) noexcept {
     draft_->clear();
     draft_->key = key_;
     draft_->stamp = members_.front().stamp;
-    const Se3 T_origin_odom = members_.front().T_odom_camera.inverse();
     for (const Member& m : members_) {
       draft_->keyframes.push_back(
-          {m.stamp, Transform<MapletFrame, CameraFrame>{T_origin_odom * m.T_odom_camera}});
+          {m.stamp, Transform<MapletFrame, CameraFrame>{m.T_origin_camera}});
     }
     map_.assemble(*draft_, limit);
     size = encode(*draft_, bytes_);

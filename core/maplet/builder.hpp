@@ -63,6 +63,7 @@ class MapletBuilder {
   struct Member {  // a keyframe of the maplet under construction
     Stamp stamp{};
     Se3 T_odom_camera;
+    Se3 T_origin_camera;                     // refined against the maplet's planes
     Matrix6d covariance = Matrix6d::Zero();  // of T_origin_this, tangent of this
     std::uint32_t valid_pixels = 0;
   };
@@ -72,7 +73,7 @@ class MapletBuilder {
   void start_overlapping(Deadline deadline) noexcept;
   [[nodiscard]] CutReason due(const Keyframe& keyframe) const noexcept;
   const MapletCut* cut(CutReason reason) noexcept;
-  void link_to(const Se3& T_odom_origin, const Matrix6d& covariance) noexcept;
+  void link_to(const Se3& T_previous_this, const Matrix6d& covariance) noexcept;
   void remember(const Keyframe& keyframe) noexcept;
 
   MapletConfig config_;

@@ -22,6 +22,10 @@ struct MapletConfig {
   double max_free_share = 0.15;
   double floor_m = 0.001;
   double floor_rad = 0.001;
+  double uneven_m = 0.004;
+  double odometry_scale = 3.0;
+  double odometry_floor_m = 0.004;
+  double odometry_floor_rad = 0.004;
 
   static constexpr int kMaxOverlapKeyframes = 4;
 
@@ -53,6 +57,14 @@ struct MapletConfig {
        "Standard deviation of a plane's offset that no averaging removes"},
       {"floor_rad", &MapletConfig::floor_rad, 0.0, 0.1,
        "Standard deviation of a plane's direction that no averaging removes"},
+      {"uneven_m", &MapletConfig::uneven_m, 0.0, 0.1,
+       "What a surface differs by from one view to another, when keyframes are refined"},
+      {"odometry_scale", &MapletConfig::odometry_scale, 0.0, 100.0,
+       "Factor on the odometry's standard deviations when keyframes are refined; 0 and floors of 0 "
+       "leave them as tracked"},
+      {"odometry_floor_m", &MapletConfig::odometry_floor_m, 0.0, 1.0,
+       "Added to that: what the odometry may be off from one keyframe to the next"},
+      {"odometry_floor_rad", &MapletConfig::odometry_floor_rad, 0.0, 1.0, "The same, turned"},
   };
 };
 

@@ -11,9 +11,11 @@ namespace maplet {
 
 /// One keyframe's view of a plane, carried into the maplet's frame.
 struct PlaneSighting {
-  Plane plane;                 ///< maplet's frame
-  PlaneTangent tangent;        ///< of `plane`, maplet's frame
-  Eigen::Matrix3d covariance;  ///< of its tangent: sensor and keyframe pose
+  Plane plane;                          ///< maplet's frame
+  PlaneTangent tangent;                 ///< of `plane`, maplet's frame
+  Eigen::Matrix3d covariance;           ///< of its tangent: sensor and keyframe pose
+  Eigen::Matrix3d sensor;               ///< of its tangent: sensor alone
+  Eigen::Matrix<double, 3, 6> by_pose;  ///< d tangent / d xi of the keyframe's pose
   double area_m2 = 0.0;
   float mean_gray = -1.0F;
 };

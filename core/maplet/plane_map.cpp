@@ -108,13 +108,13 @@ PlaneSighting PlaneMap::sight(const View& view, std::size_t f) const noexcept {
   const PlaneBasis basis{plane, PlaneBasis::best_axis(plane.n)};
   const PlaneTangent tangent{basis.u, basis.v, plane.n, centre};
   const Eigen::Matrix3d by_theta = tangent.jacobian_of_theta(plane);
-  const Eigen::Matrix<double, 3, 6> by_pose = tangent.jacobian_of_motion();
 
   PlaneSighting out;
+  out.by_pose = tangent.jacobian_of_motion();
+  out.sensor = by_theta * seen.information.inverse() * by_theta.transpose();
   out.plane = view.T_maplet_camera * plane;
   out.tangent = tangent.moved(view.T_maplet_camera);
-  out.covariance = by_theta * seen.information.inverse() * by_theta.transpose() +
-                   by_pose * view.covariance * by_pose.transpose();  // eq. 3
+  out.covariance = out.sensor + out.by_pose * view.covariance * out.by_pose.transpose();  // eq. 3
   out.covariance.diagonal().array() += 1e-10;
   out.area_m2 = seen.area_m2;
   out.mean_gray = seen.mean_gray;

@@ -38,6 +38,12 @@ class PlaneMap {
   PlaneMap(const MapletConfig& config, Arena& arena);
   void clear() noexcept;
 
+  /// A keyframe's pose as the planes of the map have it, odometry held against them.
+  /// @param T  as the odometry continues from the keyframe before
+  /// @param covariance  of T against that keyframe, tangent of camera
+  /// @return T as refined; as it was where planes say little
+  [[nodiscard]] Se3 refine(const PatchSet& set, const Se3& T, const Matrix6d& covariance) noexcept;
+
   /// Fuses a keyframe's planes and patches.
   /// @param covariance  of T_maplet_camera, tangent of camera
   void add(const PatchSet& set, const Se3& T_maplet_camera, const Matrix6d& covariance,

@@ -53,7 +53,8 @@ ClosureFinder::Closures ClosureFinder::run(const Maplet& newest, PlacePrior& pri
     const double apart = newest.key.id - older->key.id;
     const Closure found = verifier_->verify(
         *older, newest, c.T_a_b, std::min(config_.gate_m, config_.link_gate_m + kDrift_m * apart),
-        std::min(config_.gate_rad, config_.link_gate_rad + kDrift_rad * apart), true, deadline);
+        std::min(config_.gate_rad, config_.link_gate_rad + kDrift_rad * apart), Prior::kPath,
+        deadline);
     if (found.judgement.verdict != Verdict::kAccept) {
       ++(found.judgement.verdict == Verdict::kReject ? counts_.rejected : counts_.undecided);
       continue;

@@ -19,11 +19,12 @@ struct RegistrationConfig {
   double free_sigma_m = 0.15;
   double search_m = 4.0;
   int accept_matches = 5;
-  double accept_overlap = 0.3;
+  double accept_overlap = 0.2;
   double accept_chi2_per_dof = 2.0;
-  double accept_conflict = 0.05;
+  double accept_conflict = 0.08;
+  double accept_detail = 2.0;
   double reject_chi2_per_dof = 6.0;
-  double reject_conflict = 0.2;
+  double reject_conflict = 0.3;
 
   static constexpr Field<RegistrationConfig> kFields[] = {
       {"gate_m", &RegistrationConfig::gate_m, 0.01, 5.0,
@@ -54,11 +55,13 @@ struct RegistrationConfig {
       {"accept_chi2_per_dof", &RegistrationConfig::accept_chi2_per_dof, 0.1, 100.0,
        "A closure's planes must fit at least this well"},
       {"accept_conflict", &RegistrationConfig::accept_conflict, 0.0, 1.0,
-       "Share of one maplet's lines of sight that the other may block in a closure"},
+       "Share of the planes looked for that one maplet may have looked through in a closure"},
+      {"accept_detail", &RegistrationConfig::accept_detail, 0.0, 100.0,
+       "Without a guess, planes below 1 m2 must agree too: sum of the roots of their areas, m"},
       {"reject_chi2_per_dof", &RegistrationConfig::reject_chi2_per_dof, 0.1, 1000.0,
        "Planes that fit worse show two places"},
       {"reject_conflict", &RegistrationConfig::reject_conflict, 0.0, 1.0,
-       "With more of the lines of sight blocked they are two places"},
+       "With more planes looked through they are two places"},
   };
 };
 

@@ -13,8 +13,14 @@ namespace maplet {
 namespace {
 
 constexpr double kNu = 5.0;
+constexpr double kPriorDof = 4.0;
 constexpr double kConverged_m = 2e-4;
 constexpr double kConverged_rad = 1e-4;
+constexpr double kVotesGate_m = 0.2;  // wider ones begin with votes
+constexpr double kVotesGate_rad = 0.15;
+constexpr float kLeastScore = 0.05F;
+constexpr float kNearlyAsGood = 0.7F;  // of the best votes: worth a look at the extents
+constexpr std::size_t kStarts = 3;
 constexpr double kGateShrink = 0.6;
 constexpr double kLeastGate_m = 0.08;
 constexpr double kLeastGate_rad = 0.08;
@@ -81,8 +87,12 @@ Expected<MapletAlignment> Icap::align(const Maplet& a, const Maplet& b,
   if (a.planes.empty() || b.planes.empty()) {
     return fail(ErrorCode::kNoOverlap, "a maplet without planes");
   }
-  pairs_.prepare(a, b);
+  pairs_.prepare(a, b, region_, guess.se3);
   Se3 T = guess.se3;
+  if ((gate_m > kVotesGate_m || gate_rad > kVotesGate_rad) && start(a, b, T, gate_m, gate_rad)) {
+    gate_m = std::min(gate_m, kVotesGate_m);
+    gate_rad = std::min(gate_rad, kVotesGate_rad);
+  }
   bool settled = false;
   bool matched = false;
   for (out.stop = Stop::kIterationLimit; static_cast<int>(out.iterations) < config_.max_iterations;
@@ -112,6 +122,27 @@ Expected<MapletAlignment> Icap::align(const Maplet& a, const Maplet& b,
   }
   conclude(a, b, T, out);
   return out;
+}
+
+// Far from the truth the nearest plane is often another one: the planes vote first.
+bool Icap::start(const Maplet& a, const Maplet& b, Se3& T, double gate_m,
+                 double gate_rad) noexcept {
+  PlaceDescriptor::describe(a, place_a_);
+  PlaceDescriptor::describe(b, place_b_);
+  const auto found = compare_.guess_near(place_a_, place_b_, T, gate_m, gate_rad);
+  if (found.empty() || found.front().score < kLeastScore) return false;
+  Se3 best = found.front().T_a_b;
+  double most = -1.0;
+  for (std::size_t i = 0; i < std::min(found.size(), kStarts); ++i) {
+    if (found[i].score < kNearlyAsGood * found.front().score) break;
+    pairs_.match(found[i].T_a_b, kVotesGate_m, kVotesGate_rad, config_);
+    const double worth = pairs_.worth();
+    if (worth <= most) continue;
+    most = worth;
+    best = found[i].T_a_b;
+  }
+  T = best;
+  return true;
 }
 
 // One round under the present pairs. @return whether T hardly moved
@@ -165,8 +196,10 @@ void Icap::conclude(const Maplet&, const Maplet&, const Se3& T, MapletAlignment&
   const double known = 6.0 - static_cast<double>(seen.free_axes.size());
   const double count = static_cast<double>(pairs.size());
   out.T_a_b = Transform<MapletA, MapletB>{T};
-  out.chi2_per_dof = sums.chi2 / std::max(1.0, 3.0 * count - known);
-  const double scale = std::max(1.0, out.chi2_per_dof);
+  const double dof = std::max(1.0, 3.0 * count - known);
+  out.chi2_per_dof = sums.chi2 / dof;
+  // Residuals say how large errors are; a few of them do not say it well.
+  const double scale = (kPriorDof + sums.chi2) / (kPriorDof + dof);
   out.information = seen.information / scale;
   out.covariance = seen.covariance * scale;
   out.free_axes = seen.free_axes;
@@ -174,6 +207,7 @@ void Icap::conclude(const Maplet&, const Maplet&, const Se3& T, MapletAlignment&
   out.rms_m = std::sqrt(sums.squares_m2 / std::max(1.0, count));
   double shared = 0.0;
   for (const PlanePair& pair : pairs) shared += pair.area_m2;
+  out.worth = pairs_.worth();
   out.overlap =
       std::min(1.0, shared / std::max(1e-6, std::min(pairs_.area_a_m2(), pairs_.area_b_m2())));
 }

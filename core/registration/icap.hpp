@@ -8,6 +8,8 @@
 #include "core/base/static_vector.hpp"
 #include "core/registration/config.hpp"
 #include "core/registration/delta_pose.hpp"
+#include "core/registration/fixed_list.hpp"
+#include "core/registration/place_compare.hpp"
 #include "core/registration/plane_pairs.hpp"
 
 namespace maplet {
@@ -18,11 +20,12 @@ struct MapletAlignment {
   Matrix6d covariance = Matrix6d::Zero();   ///< m^2, rad^2; tangent of b; wide along free axes
   Matrix6d information = Matrix6d::Zero();  ///< its inverse, zero along free axes
   /// Unit tangents (b; rad scaled by 1 m) that the planes leave free: T_a_b keeps the guess there.
-  StaticVector<Vector6d, 6> free_axes;
+  FixedList<Vector6d, 6> free_axes;
   std::uint16_t matches = 0;
   double overlap = 0.0;       ///< area matched / area of the smaller maplet, 0..1
   double chi2_per_dof = 0.0;  ///< of the matches, before covariance was scaled by it
   double rms_m = 0.0;         ///< of the matches' offsets
+  double worth = 0.0;         ///< of the matches: roots of areas, m, large ones alike
   std::uint32_t iterations = 0;
   Stop stop = Stop::kConverged;
 };
@@ -50,15 +53,25 @@ class Icap {
                                                 double gate_m, double gate_rad,
                                                 Deadline deadline) noexcept;
 
+  /// Planes outside of a region are left out from now on (paper: Algorithm 2).
+  /// @param region  of a's frame, kept; nullptr: all planes
+  void look_at(const RegionOfInterest* region) noexcept { region_ = region; }
+
   /// The pairs of the last align.
   [[nodiscard]] std::span<const PlanePair> pairs() const noexcept { return pairs_.pairs(); }
 
  private:
+  [[nodiscard]] bool start(const Maplet& a, const Maplet& b, Se3& T, double gate_m,
+                           double gate_rad) noexcept;
   [[nodiscard]] bool improve(Se3& T, const Se3& guess, bool closed_form) noexcept;
   void conclude(const Maplet& a, const Maplet& b, const Se3& T, MapletAlignment& out) noexcept;
 
   RegistrationConfig config_;
+  const RegionOfInterest* region_ = nullptr;
   PlanePairs pairs_;
+  PlaceDescriptor place_a_;
+  PlaceDescriptor place_b_;
+  PlaceCompare compare_;
 };
 
 }  // namespace maplet

@@ -3,8 +3,8 @@
 
 #include <Eigen/Core>
 
-#include "core/base/static_vector.hpp"
 #include "core/geometry/se3.hpp"
+#include "core/registration/fixed_list.hpp"
 
 namespace maplet {
 
@@ -16,7 +16,7 @@ struct Observability {
   Matrix6d information = Matrix6d::Zero();   ///< cleaned: zero along free axes
   Matrix6d covariance = Matrix6d::Zero();    ///< kFreeSigma along free axes
   Matrix6d step_inverse = Matrix6d::Zero();  ///< pseudo-inverse of the raw information
-  StaticVector<Vector6d, 6> free_axes;
+  FixedList<Vector6d, 6> free_axes;
 
   static constexpr double kFreeSigma = 10.0;  ///< m, and rad at 1 m
 

@@ -39,11 +39,14 @@ void sample(const Maplet& m, PlaneFeature& feature) noexcept {
   }
 }
 
-double read(const Maplet& m, StaticVector<PlaneFeature, kMaxMapletPlanes>& out) noexcept {
+// @param region  or nullptr; T maps m into its frame
+double read(const Maplet& m, const RegionOfInterest* region, const Se3& T,
+            StaticVector<PlaneFeature, kMaxMapletPlanes>& out) noexcept {
   out.clear();
   double area = 0.0;
   for (const MapletPlane& p : m.planes) {
     if (p.grid.occupied == 0) continue;
+    if (region != nullptr && !region->touches(m, p, T)) continue;
     PlaneFeature& f = out.emplace_back();
     f.plane = &p;
     f.basis = p.basis();
@@ -82,20 +85,30 @@ bool seen_near(const Maplet& m, const PlaneFeature& f, const Eigen::Vector3d& p,
 
 }  // namespace
 
-void PlanePairs::prepare(const Maplet& a, const Maplet& b) noexcept {
+void PlanePairs::prepare(const Maplet& a, const Maplet& b, const RegionOfInterest* region,
+                         const Se3& T_a_b) noexcept {
   maplet_a_ = &a;
   maplet_b_ = &b;
-  area_a_m2_ = read(a, a_);
-  area_b_m2_ = read(b, b_);
+  area_a_m2_ = read(a, region, {}, a_);
+  area_b_m2_ = read(b, region, T_a_b, b_);
   pairs_.clear();
 }
 
-void PlanePairs::consider(std::size_t ia, std::size_t ib, const Se3& T_a_b, const Se3& T_b_a,
+double PlanePairs::worth() const noexcept {
+  constexpr double kLargest_m2 = 1.5;
+  double sum = 0.0;
+  for (const PlanePair& pair : pairs_) sum += std::sqrt(std::min(pair.area_m2, kLargest_m2));
+  return sum;
+}
+
+void PlanePairs::consider(std::size_t ia, std::size_t ib, const Motion& T_a_b, const Motion& T_b_a,
                           double gate_m, double gate_rad,
                           const RegistrationConfig& config) noexcept {
   const PlaneFeature& fa = a_[ia];
   const PlaneFeature& fb = b_[ib];
-  const Plane b_in_a = T_a_b * fb.plane->plane;
+  Plane b_in_a;
+  b_in_a.n = T_a_b.R * fb.plane->plane.n;
+  b_in_a.d = fb.plane->plane.d - b_in_a.n.dot(T_a_b.t);
   // The smaller plane's samples on the larger one.
   const bool b_smaller = fb.plane->area_m2 < fa.plane->area_m2;
   const PlaneFeature& small = b_smaller ? fb : fa;
@@ -103,11 +116,11 @@ void PlanePairs::consider(std::size_t ia, std::size_t ib, const Se3& T_a_b, cons
   Eigen::Vector3d middle = Eigen::Vector3d::Zero();
   std::size_t shared = 0;
   for (const Eigen::Vector3d& p : small.samples) {
-    const bool near = b_smaller ? seen_near(*maplet_a_, fa, T_a_b * p, slack)
-                                : seen_near(*maplet_b_, fb, T_b_a * p, slack);
+    const bool near = b_smaller ? seen_near(*maplet_a_, fa, T_a_b(p), slack)
+                                : seen_near(*maplet_b_, fb, T_b_a(p), slack);
     if (!near) continue;
     ++shared;
-    middle += b_smaller ? T_a_b * p : p;
+    middle += b_smaller ? T_a_b(p) : p;
   }
   const double share = static_cast<double>(shared) /
                        static_cast<double>(std::max<std::size_t>(1, small.samples.size()));
@@ -134,18 +147,19 @@ void PlanePairs::match(const Se3& T_a_b, double gate_m, double gate_rad,
   pairs_.clear();
   best_of_a_.fill({});
   best_of_b_.fill({});
-  const Se3 T_b_a = T_a_b.inverse();
+  const Motion onto_a{T_a_b};
+  const Motion onto_b{T_a_b.inverse()};
   const double least_cosine = std::cos(std::min(gate_rad, 1.5));
   for (std::size_t ib = 0; ib < b_.size(); ++ib) {
-    const Eigen::Vector3d n = T_a_b.q * b_[ib].plane->plane.n;
-    const Eigen::Vector3d centre = T_a_b * b_[ib].plane->centre;
+    const Eigen::Vector3d n = onto_a.R * b_[ib].plane->plane.n;
+    const Eigen::Vector3d centre = onto_a(b_[ib].plane->centre);
     for (std::size_t ia = 0; ia < a_.size(); ++ia) {
       // n . n tells the seen sides apart too.
       if (n.dot(a_[ia].plane->plane.n) < least_cosine) continue;
       // With a lever arm the centres may be further off than the planes are.
       const double reach = gate_m + gate_rad * (centre - a_[ia].plane->centre).norm();
       if (std::abs(a_[ia].plane->plane.distance(centre)) > reach) continue;
-      consider(ia, ib, T_a_b, T_b_a, gate_m, gate_rad, config);
+      consider(ia, ib, onto_a, onto_b, gate_m, gate_rad, config);
     }
   }
   for (std::size_t ia = 0; ia < a_.size(); ++ia) {
@@ -156,12 +170,15 @@ void PlanePairs::match(const Se3& T_a_b, double gate_m, double gate_rad,
     PlanePair pair{&fa, &fb, fa.tangent, {}, config.uneven_rad, best.share, 0.0};
     pair.tangent.centre = best.middle;
     pair.area_m2 = best.share * std::min(fa.plane->area_m2, fb.plane->area_m2);
+    // A surface that is uneven by so much over so wide a piece.
+    pair.uneven_rad = std::min(config.uneven_rad,
+                               2.0 * config.uneven_m / std::max(1e-3, std::sqrt(pair.area_m2)));
     const Eigen::Matrix3d change_a = fa.tangent.change_to(pair.tangent);
     const Eigen::Matrix3d change_b = fb.tangent.moved(T_a_b).change_to(pair.tangent);
     Eigen::Matrix3d covariance = change_a * fa.plane->covariance * change_a.transpose() +
                                  change_b * fb.plane->covariance * change_b.transpose();
     covariance.diagonal() +=
-        Eigen::Vector3d{config.uneven_rad, config.uneven_rad, config.uneven_m}.cwiseAbs2();
+        Eigen::Vector3d{pair.uneven_rad, pair.uneven_rad, config.uneven_m}.cwiseAbs2();
     pair.weight = covariance.inverse();  // eq. 4
     pairs_.push_back(pair);
   }

@@ -9,6 +9,7 @@
 #include "core/maplet/maplet.hpp"
 #include "core/maplet/plane_tangent.hpp"
 #include "core/registration/config.hpp"
+#include "core/registration/region.hpp"
 
 namespace maplet {
 
@@ -40,7 +41,10 @@ struct PlanePair {
 class PlanePairs {
  public:
   /// Reads both maplets; keeps pointers into them until the next call.
-  void prepare(const Maplet& a, const Maplet& b) noexcept;
+  /// @param region  of a's frame: planes outside are left out, b's where T_a_b puts them; or
+  /// nullptr
+  void prepare(const Maplet& a, const Maplet& b, const RegionOfInterest* region,
+               const Se3& T_a_b) noexcept;
 
   /// @param gate_m, gate_rad  how far T_a_b may be from the truth
   void match(const Se3& T_a_b, double gate_m, double gate_rad,
@@ -49,6 +53,8 @@ class PlanePairs {
   [[nodiscard]] std::span<const PlanePair> pairs() const noexcept {
     return {pairs_.data(), pairs_.size()};
   }
+  /// How much the pairs say together: large ones count alike.
+  [[nodiscard]] double worth() const noexcept;
   [[nodiscard]] double area_a_m2() const noexcept { return area_a_m2_; }
   [[nodiscard]] double area_b_m2() const noexcept { return area_b_m2_; }
 
@@ -60,8 +66,17 @@ class PlanePairs {
     Eigen::Vector3d middle = Eigen::Vector3d::Zero();  // a's frame
   };
 
-  void consider(std::size_t ia, std::size_t ib, const Se3& T_a_b, const Se3& T_b_a, double gate_m,
-                double gate_rad, const RegistrationConfig& config) noexcept;
+  // A transform as its matrix: samples are many.
+  struct Motion {
+    Eigen::Matrix3d R;
+    Eigen::Vector3d t;
+    explicit Motion(const Se3& T) noexcept : R{T.rotation()}, t{T.t} {}
+    [[nodiscard]] Eigen::Vector3d operator()(const Eigen::Vector3d& p) const noexcept {
+      return R * p + t;
+    }
+  };
+  void consider(std::size_t ia, std::size_t ib, const Motion& T_a_b, const Motion& T_b_a,
+                double gate_m, double gate_rad, const RegistrationConfig& config) noexcept;
 
   const Maplet* maplet_a_ = nullptr;
   const Maplet* maplet_b_ = nullptr;

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <string_view>
 
+#include "core/registration/evidence.hpp"
 #include "core/registration/icap.hpp"
 
 namespace maplet {
@@ -34,8 +35,19 @@ struct Closure {
   Judgement judgement;
   bool aligned = false;
   MapletAlignment alignment;
-  double conflict = 0.0;  ///< share of looked-through lines that the other's surfaces block
+  double conflict = 0.0;  ///< Evidence::contradiction
 };
+
+/// What is known beforehand about how two maplets lie to each other.
+enum class Prior : std::uint8_t {
+  kNone,   ///< nothing: what is no wall or floor must agree, too
+  kGuess,  ///< about where
+  kPath,   ///< a path that fixes one axis which the planes may leave free (a corridor)
+};
+
+/// What an alignment and its evidence are worth by themselves; rivals are for others to look for.
+[[nodiscard]] Judgement judge_alignment(const MapletAlignment& alignment, const Evidence& evidence,
+                                        Prior prior, const RegistrationConfig& config) noexcept;
 
 /// Verifies that two maplets show the same place.
 ///
@@ -49,16 +61,13 @@ class Verifier {
   explicit Verifier(const RegistrationConfig& config) noexcept : config_{config}, icap_{config} {}
 
   /// @param guess  within gate_m, gate_rad of the truth, if the two overlap at all
-  /// @param prior_holds  something else fixes one axis that the planes leave free (a corridor):
-  /// that
-  ///   is then no reason against accepting; the covariance says it
   [[nodiscard]] Closure verify(const Maplet& a, const Maplet& b,
                                const Transform<MapletA, MapletB>& guess, double gate_m,
-                               double gate_rad, bool prior_holds, Deadline deadline) noexcept;
+                               double gate_rad, Prior prior, Deadline deadline) noexcept;
 
  private:
   [[nodiscard]] Judgement judge(const Maplet& a, const Maplet& b, Closure& closure, double gate_m,
-                                double gate_rad, bool prior_holds, Deadline deadline) noexcept;
+                                double gate_rad, Prior prior, Deadline deadline) noexcept;
   [[nodiscard]] bool ambiguous(const Maplet& a, const Maplet& b, const MapletAlignment& best,
                                double gate_m, double gate_rad, Deadline deadline,
                                bool& in_time) noexcept;
@@ -66,8 +75,5 @@ class Verifier {
   RegistrationConfig config_;
   Icap icap_;
 };
-
-/// Share of a's lines of sight (camera to surface) that b's surfaces would block.
-[[nodiscard]] double blocked_sight(const Maplet& a, const Maplet& b, const Se3& T_a_b) noexcept;
 
 }  // namespace maplet

@@ -38,7 +38,7 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   }
   static const auto verifier = std::make_unique<Verifier>(RegistrationConfig{});
   const Closure closure =
-      verifier->verify(*maplet, *maplet, {}, 0.3, 0.2, false, Deadline::never());
+      verifier->verify(*maplet, *maplet, {}, 0.3, 0.2, Prior::kGuess, Deadline::never());
   if (closure.aligned) {
     const MapletAlignment& a = closure.alignment;
     fuzz::require(a.T_a_b.se3.t.allFinite() && a.covariance.allFinite(), "its alignment is finite");

@@ -21,6 +21,7 @@ void add_daemon_commands(CLI::App& app);
 void add_draw(CLI::App& app);
 void add_eval(CLI::App& app);
 void add_export(CLI::App& app);
+void add_match(CLI::App& app);
 void add_patches(CLI::App& app);
 void add_patches_eval(CLI::App& app);
 void add_register(CLI::App& app);

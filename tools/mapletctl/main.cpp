@@ -15,6 +15,7 @@ int main(int argc, char** argv) {
   add_draw(app);
   add_eval(app);
   add_export(app);
+  add_match(app);
   add_patches(app);
   add_patches_eval(app);
   add_register(app);

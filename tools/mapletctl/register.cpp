@@ -112,13 +112,14 @@ void run(const Options& options) {
   }
   const MonotonicClock clock;
   const auto verifier = std::make_unique<Verifier>(config);
+  const Prior prior = !options.guess.empty() || linked ? Prior::kPath : Prior::kGuess;
   const double before = cpu_us();
   const Deadline deadline =
       options.budget_us > 0.0
           ? Deadline{clock, Duration{static_cast<std::int64_t>(options.budget_us * 1e3)}}
           : Deadline::never();
   const Closure closure = verifier->verify(*a, *b, Transform<MapletA, MapletB>{guess}, gate_m,
-                                           gate_rad, !options.guess.empty() || linked, deadline);
+                                           gate_rad, prior, deadline);
   const double us = cpu_us() - before;
   if (options.json) {
     fmt::print("{}\n", to_json(closure, us).dump());

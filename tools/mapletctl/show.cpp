@@ -4,6 +4,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "core/registration/saliency.hpp"
 #include "tools/files/maplet_file.hpp"
 #include "tools/mapletctl/command.hpp"
 
@@ -15,6 +16,8 @@ using Json = nlohmann::ordered_json;
 Json pose_json(const Se3& T) {
   return {T.t.x(), T.t.y(), T.t.z(), T.q.x(), T.q.y(), T.q.z(), T.q.w()};
 }
+
+double saliency_of(const Maplet& m) { return std::make_unique<Saliency>()->of(m); }
 
 void print_json(const Maplet& m, std::size_t bytes) {
   Json keyframes = Json::array();
@@ -38,10 +41,10 @@ void print_json(const Maplet& m, std::size_t bytes) {
     plane["mean_gray"] = p.mean_gray < 0.0F ? Json{} : Json{p.mean_gray};
     planes.push_back(std::move(plane));
   }
-  const Json line{{"agent", m.key.agent}, {"epoch", m.key.epoch},
-                  {"id", m.key.id},       {"stamp_s", seconds(m.stamp)},
-                  {"bytes", bytes},       {"keyframes", keyframes},
-                  {"planes", planes}};
+  const Json line{{"agent", m.key.agent},   {"epoch", m.key.epoch},
+                  {"id", m.key.id},         {"stamp_s", seconds(m.stamp)},
+                  {"bytes", bytes},         {"saliency", saliency_of(m)},
+                  {"keyframes", keyframes}, {"planes", planes}};
   fmt::print("{}\n", line.dump());
 }
 
@@ -50,9 +53,9 @@ void print_table(const Maplet& m, std::size_t bytes) {
   for (const MapletPlane& p : m.planes) area += p.area_m2;
   fmt::print("maplet {} of agent {} (epoch {:08x}), origin at {:.3f} s\n", m.key.id, m.key.agent,
              m.key.epoch, seconds(m.stamp));
-  fmt::print("{} bytes, {} keyframes over {:.2f} s, {} planes, {:.2f} m2\n\n", bytes,
-             m.keyframes.size(), seconds(m.keyframes.back().stamp - m.stamp), m.planes.size(),
-             area);
+  fmt::print("{} bytes, {} keyframes over {:.2f} s, {} planes, {:.2f} m2, saliency {:.2f}\n\n",
+             bytes, m.keyframes.size(), seconds(m.keyframes.back().stamp - m.stamp),
+             m.planes.size(), area, saliency_of(m));
   fmt::print("{:>4} {:>24} {:>9} {:>8} {:>7} {:>5} {:>9} {:>9}\n", "id", "normal", "d m", "area m2",
              "cells", "seen", "tilt mrad", "offset mm");
   for (const MapletPlane& p : m.planes) {

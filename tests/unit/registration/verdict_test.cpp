@@ -23,7 +23,7 @@ std::unique_ptr<Maplet> view(const std::vector<test::Wall>& walls, const Se3& T_
 
 Closure verify(const Maplet& a, const Maplet& b, const Se3& guess) {
   const auto verifier = std::make_unique<Verifier>(RegistrationConfig{});
-  return verifier->verify(a, b, Guess{guess}, 0.4, 0.2, false, Deadline::never());
+  return verifier->verify(a, b, Guess{guess}, 0.4, 0.2, Prior::kGuess, Deadline::never());
 }
 
 TEST(Verifier, AcceptsTheSamePlace) {
@@ -59,13 +59,17 @@ TEST(Verifier, RepeatedStructureIsUndecided) {
   EXPECT_EQ(c.judgement.reason, "another place fits nearly as well");
 }
 
-TEST(BlockedSight, WallInTheWayIsNoticed) {
+// One looked through where the other has a wall: across the room, facing the camera.
+TEST(Evidence, WallInTheWayIsNoticed) {
   const Se3 T = test::camera_at({1.0, 2.5, 1.2}, 0.0);
   const auto room = view(test::room(), T);
   auto walls = test::room();
-  walls.push_back({{3.0, 2.5, 1.3}, {0, 0, 1.3}, {0, 2.5, 0}});  // across, faces the camera
-  EXPECT_EQ(blocked_sight(*room, *room, {}), 0.0);
-  EXPECT_GT(blocked_sight(*room, *view(walls, T), {}), 0.3);
+  walls.push_back({{3.0, 2.5, 1.3}, {0, 0, 1.3}, {0, 2.5, 0}});
+  const Evidence same = weigh_evidence(*room, *room, {});
+  EXPECT_EQ(same.contradicted, 0.0);
+  EXPECT_GT(same.agreed, 1.0);
+  const Evidence other = weigh_evidence(*room, *view(walls, T), {});
+  EXPECT_GT(other.contradicted, 0.1);  // a ninth of it is in the one camera's view
 }
 
 class TwoPlaces final : public PlacePrior {

@@ -1,0 +1,348 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#include "core/registration/place_compare.hpp"
+
+#include <Eigen/LU>
+#include <Eigen/SVD>
+#include <algorithm>
+#include <cmath>
+
+namespace maplet {
+
+namespace {
+
+constexpr float kSameAngle = 0.1F;      // between two axes' cosines in a and in b
+constexpr float kAlongCosine = 0.98F;   // an axis of b on one of a
+constexpr float kUpCosine = 0.95F;      // where gravity is known on both sides
+constexpr float kSameTurnTrace = 2.9F;  // of R1^T R2: less than 18 deg
+constexpr float kPlaneCosine = 0.966F;  // planes that may coincide
+constexpr float kPlaneGate_m = 0.12F;
+constexpr float kSame_m = 0.25F;    // guesses closer than that are one
+constexpr float kNearShare = 0.7F;  // the same, near a guess
+constexpr std::size_t kTurnsTried = 8;
+constexpr float kTurnsShare = 0.7F;    // of the best turn's votes
+constexpr float kShiftsShare = 0.75F;  // of the best shifts' votes
+
+Eigen::Matrix3f frame(const Eigen::Vector3f& x, const Eigen::Vector3f& y) noexcept {
+  Eigen::Matrix3f f;
+  f.col(0) = x;
+  f.col(2) = x.cross(y).normalized();
+  f.col(1) = f.col(2).cross(x);
+  return f;
+}
+
+// Whether a direction is well out of the span of those there are.
+template <class Rows>
+bool spans_more(const Rows& rows, const Eigen::Vector3f& direction) noexcept {
+  if (rows.empty()) return true;
+  if (rows.size() == 1) return rows[0].cross(direction).norm() > 0.5F;
+  return std::abs(rows[0].cross(rows[1]).normalized().dot(direction)) > 0.5F;
+}
+
+// Share of the smaller rectangle that lies on the larger one: by its corners and centre.
+float shared(const PlacePlane& a, const Eigen::Vector3f& centre, const Eigen::Vector3f& u,
+             const Eigen::Vector3f& v, float half_u, float half_v) noexcept {
+  const Eigen::Vector3f v_a = a.n.cross(a.u);
+  int on = 0;
+  for (const float s : {-0.6F, 0.0F, 0.6F}) {
+    for (const float t : {-0.6F, 0.0F, 0.6F}) {
+      const Eigen::Vector3f p = centre + s * half_u * u + t * half_v * v - a.centre;
+      on += std::abs(p.dot(a.u)) <= a.half_u_m + 0.1F && std::abs(p.dot(v_a)) <= a.half_v_m + 0.1F;
+    }
+  }
+  return static_cast<float>(on) / 9.0F;
+}
+
+}  // namespace
+
+void PlaceCompare::count_votes(const PlaceAxis& a, const PlaceAxis& b, bool flipped,
+                               const Window& window, Votes& out) noexcept {
+  const int count = std::min(kBins, static_cast<int>(2.0F * window.reach_m / kBin_m));
+  const float zero = 0.5F * static_cast<float>(count) - window.middle_m / kBin_m;
+  std::fill_n(bins_.begin(), count + 2, 0.0F);
+  for (const PlaceAxis::Mark& mb : b.marks) {
+    const float at_b = (flipped ? mb.at_m : -mb.at_m) / kBin_m + zero;
+    const bool ahead = mb.ahead != flipped;
+    for (const PlaceAxis::Mark& ma : a.marks) {
+      const float at = ma.at_m / kBin_m + at_b;
+      if (ma.ahead != ahead || !(at > 0.0F && at < static_cast<float>(count))) continue;
+      const auto bin = static_cast<int>(at);
+      const float part = at - static_cast<float>(bin);
+      const float vote = std::min(ma.weight, mb.weight);
+      bins_[static_cast<std::size_t>(bin)] += (1.0F - part) * vote;
+      bins_[static_cast<std::size_t>(bin) + 1] += part * vote;
+    }
+  }
+  out.best = *std::max_element(bins_.begin(), bins_.begin() + count + 2);
+  out.peaks.clear();
+  if (!window.want_peaks || out.best <= 0.0F) return;
+  for (int i = 0; i <= count; ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    const float here = bins_[k];
+    const float before = i > 0 ? bins_[k - 1] : 0.0F;
+    const float next = bins_[k + 1];
+    if (here < 0.3F * out.best || here < before || here <= next) continue;
+    const float off = (next - before) / (before + here + next);
+    const Peak peak{(static_cast<float>(i) + off - zero) * kBin_m, here};
+    if (full(out.peaks)) {
+      if (out.peaks.back().votes >= here) continue;
+      out.peaks.pop_back();
+    }
+    out.peaks.insert(
+        std::upper_bound(out.peaks.begin(), out.peaks.end(), peak,
+                         [](const Peak& x, const Peak& y) { return x.votes > y.votes; }),
+        peak);
+  }
+}
+
+const PlaceCompare::Votes& PlaceCompare::votes(std::size_t ia, std::size_t ib, bool flipped,
+                                               bool want_peaks) noexcept {
+  Votes& v = votes_[(ia * kAxes + ib) * 2 + (flipped ? 1 : 0)];
+  if (v.best < 0.0F) {
+    Window all;
+    all.want_peaks = want_peaks;
+    count_votes(a_->axes[ia], b_->axes[ib], flipped, all, v);
+  }
+  return v;
+}
+
+void PlaceCompare::add_turn(const Eigen::Matrix3f& R, bool want_peaks) noexcept {
+  if (!a_->up.isZero() && !b_->up.isZero() && a_->up.dot(R * b_->up) < kUpCosine) return;
+  if (full(turns_)) return;
+  for (const Turn& known : turns_) {  // other pairs of axes find it again
+    if (known.R.cwiseProduct(R).sum() >= kSameTurnTrace) return;
+  }
+  Turn turn;
+  turn.R = R;
+  turn.score = 0.0F;
+  for (std::size_t ib = 0; ib < b_->axes.size(); ++ib) {
+    const Eigen::Vector3f direction = R * b_->axes[ib].direction;
+    for (std::size_t ia = 0; ia < a_->axes.size(); ++ia) {
+      const float cosine = a_->axes[ia].direction.dot(direction);
+      if (std::abs(cosine) < kAlongCosine || turn.of_a[ia].axis_b >= 0) continue;
+      turn.of_a[ia].axis_b = static_cast<std::int8_t>(ib);
+      turn.of_a[ia].flipped = cosine < 0.0F;
+      turn.score += votes(ia, ib, cosine < 0.0F, want_peaks).best;
+      break;
+    }
+  }
+  turns_.push_back(turn);
+}
+
+// Two axes of a on two of b fix a turn.
+void PlaceCompare::find_turns(const PlaceDescriptor& a, const PlaceDescriptor& b,
+                              bool want_peaks) noexcept {
+  a_ = &a;
+  b_ = &b;
+  turns_.clear();
+  for (Votes& v : votes_) v.best = -1.0F;
+  constexpr std::size_t kPairs[][2] = {{0, 1}, {0, 2}, {1, 2}};
+  for (const auto& [i1, i2] : kPairs) {
+    if (i2 >= a.axes.size()) break;
+    const Eigen::Vector3f& a1 = a.axes[i1].direction;
+    const Eigen::Vector3f& a2 = a.axes[i2].direction;
+    const float between = a1.dot(a2);
+    if (std::abs(between) > 0.9F) continue;
+    const Eigen::Matrix3f frame_a = frame(a1, a2);
+    for (std::size_t k1 = 0; k1 < b.axes.size(); ++k1) {
+      for (std::size_t k2 = 0; k2 < b.axes.size(); ++k2) {
+        if (k1 == k2) continue;
+        const float between_b = b.axes[k1].direction.dot(b.axes[k2].direction);
+        for (const float s1 : {1.0F, -1.0F}) {
+          for (const float s2 : {1.0F, -1.0F}) {
+            if (std::abs(s1 * s2 * between_b - between) > kSameAngle) continue;
+            const Eigen::Matrix3f frame_b =
+                frame(s1 * b.axes[k1].direction, s2 * b.axes[k2].direction);
+            add_turn(frame_a * frame_b.transpose(), want_peaks);
+          }
+        }
+      }
+    }
+  }
+  std::sort(turns_.begin(), turns_.end(),
+            [](const Turn& x, const Turn& y) { return x.score > y.score; });
+}
+
+float PlaceCompare::rank(const PlaceDescriptor& a, const PlaceDescriptor& b) noexcept {
+  find_turns(a, b, false);
+  return turns_.empty() ? 0.0F
+                        : turns_.front().score / std::max(1e-6F, std::min(a.weight, b.weight));
+}
+
+// Planes that coincide, by where their rectangles are.
+float PlaceCompare::score(const Eigen::Matrix3f& R, const Eigen::Vector3f& t) const noexcept {
+  float sum = 0.0F;
+  for (const PlacePlane& pb : b_->planes) {
+    const Eigen::Vector3f n = R * pb.n;
+    const Eigen::Vector3f centre = R * pb.centre + t;
+    const Eigen::Vector3f u = R * pb.u;
+    float best = 0.0F;
+    for (const PlacePlane& pa : a_->planes) {
+      const float least = std::min(pa.weight, pb.weight);
+      if (least <= best || pa.n.dot(n) < kPlaneCosine) continue;
+      const float off = std::abs(pa.distance(centre));
+      if (off > kPlaneGate_m) continue;
+      const bool b_smaller = pb.half_u_m * pb.half_v_m <= pa.half_u_m * pa.half_v_m;
+      const float share = b_smaller
+                              ? shared(pa, centre, u, n.cross(u), pb.half_u_m, pb.half_v_m)
+                              : shared({n, u, centre, pb.half_u_m, pb.half_v_m, 0.0F}, pa.centre,
+                                       pa.u, pa.n.cross(pa.u), pa.half_u_m, pa.half_v_m);
+      best = std::max(best, share * least * (1.0F - 0.5F * off / kPlaneGate_m));
+    }
+    sum += best;
+  }
+  return sum / std::max(1e-6F, std::min(a_->weight, b_->weight));
+}
+
+// Scores a transform and puts it among the best, one of each kind.
+void PlaceCompare::keep(const Eigen::Matrix3f& R, const Eigen::Vector3f& t,
+                        Guesses& out) const noexcept {
+  PlaceGuess guess;
+  guess.score = score(R, t);
+  if (full(out) && guess.score <= out.back().score) return;
+  guess.T_a_b = {Eigen::Quaterniond{R.cast<double>()}.normalized(), t.cast<double>()};
+  const auto same = std::find_if(out.begin(), out.end(), [&](const PlaceGuess& g) {
+    return (g.T_a_b.t - guess.T_a_b.t).norm() < kSame_m &&
+           g.T_a_b.q.angularDistance(guess.T_a_b.q) < 0.3;
+  });
+  if (same != out.end()) {
+    if (same->score >= guess.score) return;
+    out.erase(same);
+  } else if (full(out)) {
+    out.pop_back();
+  }
+  out.insert(
+      std::upper_bound(out.begin(), out.end(), guess,
+                       [](const PlaceGuess& g, const PlaceGuess& h) { return g.score > h.score; }),
+      guess);
+}
+
+void PlaceCompare::try_shifts(const Turn& turn, Guesses& out) noexcept {
+  // The three axes of a that the turn finds again, best votes first, and that span space.
+  StaticVector<std::size_t, 3> used;
+  for (std::size_t ia = 0; ia < a_->axes.size() && used.size() < 3; ++ia) {
+    if (turn.of_a[ia].axis_b >= 0) used.push_back(ia);
+  }
+  if (used.size() < 3) return;
+  Eigen::Matrix3f rows;
+  const StaticVector<Peak, kPeaks>* peaks[3];
+  for (std::size_t i = 0; i < 3; ++i) {
+    const auto& on = turn.of_a[used[i]];
+    rows.row(static_cast<Eigen::Index>(i)) = a_->axes[used[i]].direction.transpose();
+    peaks[i] = &votes(used[i], static_cast<std::size_t>(on.axis_b), on.flipped, true).peaks;
+  }
+  if (std::abs(rows.determinant()) < 0.3F) return;
+  for (const auto* list : peaks) {
+    if (list->empty()) return;
+  }
+  const Eigen::Matrix3f solve = rows.inverse();
+  const float least =
+      kShiftsShare * (peaks[0]->front().votes + peaks[1]->front().votes + peaks[2]->front().votes);
+  for (const Peak& x : *peaks[0]) {
+    for (const Peak& y : *peaks[1]) {
+      for (const Peak& z : *peaks[2]) {
+        if (x.votes + y.votes + z.votes < least) break;
+        keep(turn.R, solve * Eigen::Vector3f{x.shift_m, y.shift_m, z.shift_m}, out);
+      }
+    }
+  }
+}
+
+PlaceCompare::Guesses PlaceCompare::guess(const PlaceDescriptor& a,
+                                          const PlaceDescriptor& b) noexcept {
+  Guesses out;
+  find_turns(a, b, true);
+  for (std::size_t i = 0; i < std::min(turns_.size(), kTurnsTried); ++i) {
+    if (turns_[i].score < kTurnsShare * turns_.front().score) break;
+    try_shifts(turns_[i], out);
+  }
+  return out;
+}
+
+// The turn near R_guess that brings the axes of b onto those of a.
+bool PlaceCompare::turn_near(const Eigen::Matrix3f& R_guess, float gate_rad, Turn& turn) noexcept {
+  turn.R = R_guess;
+  for (const float reach_rad : {gate_rad + 0.05F, 0.12F}) {
+    for (auto& on : turn.of_a) on.axis_b = -1;
+    Eigen::Matrix3f h = Eigen::Matrix3f::Zero();
+    float total = 0.0F;
+    for (std::size_t ib = 0; ib < b_->axes.size(); ++ib) {
+      const Eigen::Vector3f direction = turn.R * b_->axes[ib].direction;
+      float most = std::cos(std::min(reach_rad, 0.7F));
+      std::size_t best = kAxes;
+      for (std::size_t ia = 0; ia < a_->axes.size(); ++ia) {
+        const float cosine = std::abs(a_->axes[ia].direction.dot(direction));
+        if (cosine <= most || turn.of_a[ia].axis_b >= 0) continue;
+        most = cosine;
+        best = ia;
+      }
+      if (best == kAxes) continue;
+      const bool flipped = a_->axes[best].direction.dot(direction) < 0.0F;
+      turn.of_a[best].axis_b = static_cast<std::int8_t>(ib);
+      turn.of_a[best].flipped = flipped;
+      const float weight = std::min(a_->axes[best].weight, b_->axes[ib].weight);
+      h += (flipped ? -weight : weight) * a_->axes[best].direction *
+           b_->axes[ib].direction.transpose();
+      total += weight;
+    }
+    if (total <= 0.0F) return false;
+    h += 0.01F * total * R_guess;
+    const Eigen::JacobiSVD<Eigen::Matrix3f, Eigen::NoQRPreconditioner> svd{
+        h, Eigen::ComputeFullU | Eigen::ComputeFullV};
+    Eigen::Matrix3f fix = Eigen::Matrix3f::Identity();
+    fix(2, 2) = (svd.matrixU() * svd.matrixV().transpose()).determinant();
+    turn.R = svd.matrixU() * fix * svd.matrixV().transpose();
+  }
+  return true;
+}
+
+PlaceCompare::Guesses PlaceCompare::guess_near(const PlaceDescriptor& a, const PlaceDescriptor& b,
+                                               const Se3& T_a_b, double gate_m,
+                                               double gate_rad) noexcept {
+  a_ = &a;
+  b_ = &b;
+  Guesses out;
+  Turn turn;
+  if (!turn_near(T_a_b.rotation().cast<float>(), static_cast<float>(gate_rad), turn)) return out;
+  const Eigen::Vector3f t = T_a_b.t.cast<float>();
+  Window window;
+  window.want_peaks = true;
+  window.reach_m = static_cast<float>(gate_m);
+  // Three directions that span space: axes that both have, then whatever is left, as guessed.
+  StaticVector<Eigen::Vector3f, 3> rows;
+  StaticVector<StaticVector<Peak, kPeaks>, 3> shifts;
+  for (std::size_t ia = 0; ia < a.axes.size() && rows.size() < 3; ++ia) {
+    const auto& on = turn.of_a[ia];
+    const Eigen::Vector3f& direction = a.axes[ia].direction;
+    if (on.axis_b < 0 || !spans_more(rows, direction)) continue;
+    Votes v;
+    window.middle_m = direction.dot(t);
+    count_votes(a.axes[ia], b.axes[static_cast<std::size_t>(on.axis_b)], on.flipped, window, v);
+    if (v.peaks.empty()) v.peaks.push_back({window.middle_m, 0.0F});
+    rows.push_back(direction);
+    shifts.push_back(v.peaks);
+  }
+  for (int i = 0; i < 3 && rows.size() < 3; ++i) {
+    if (!spans_more(rows, Eigen::Vector3f::Unit(i))) continue;
+    rows.push_back(Eigen::Vector3f::Unit(i));
+    shifts.push_back({Peak{t[i], 0.0F}});
+  }
+  if (rows.size() < 3) return out;
+  Eigen::Matrix3f all;
+  for (int i = 0; i < 3; ++i) all.row(i) = rows[static_cast<std::size_t>(i)].transpose();
+  const Eigen::Matrix3f solve = all.inverse();
+  float least = 0.0F;
+  for (const auto& list : shifts) least += kNearShare * list.front().votes;
+  for (const Peak& x : shifts[0]) {
+    for (const Peak& y : shifts[1]) {
+      for (const Peak& z : shifts[2]) {
+        if (x.votes + y.votes + z.votes < least) break;
+        const Eigen::Vector3f at = solve * Eigen::Vector3f{x.shift_m, y.shift_m, z.shift_m};
+        if ((at - t).norm() > 1.5F * window.reach_m) continue;
+        keep(turn.R, at, out);
+      }
+    }
+  }
+  return out;
+}
+
+}  // namespace maplet

@@ -1,0 +1,75 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "core/base/arena.hpp"
+#include "core/base/deadline.hpp"
+#include "core/base/static_vector.hpp"
+#include "core/maplet/maplet.hpp"
+#include "core/registration/place_compare.hpp"
+#include "core/registration/place_descriptor.hpp"
+
+namespace maplet {
+
+/// A maplet that may show the same place as the one asked about.
+struct PlaceCandidate {
+  MapletKey key;                  ///< of the stored maplet, a
+  float score = 0.0F;             ///< of its best guess, 0..1
+  PlaceCompare::Guesses guesses;  ///< T_a_b, b the maplet asked about; the best first
+};
+
+/// Where a maplet may be, when nothing says how it lies to those that are stored: their
+/// descriptors, compared one by one.
+///
+/// Memory   capacity descriptors (~3 KB each) and a scratch in the arena; beyond the capacity the
+///          one added first goes.
+/// Time     query: ~10 us a stored maplet, then ~100 us for each of the kShortlist best; stops
+///          between two at the deadline with the best so far
+/// Threads  one
+/// Math     docs/math/icap.md, section 7
+class PlaceIndex {
+ public:
+  static constexpr std::size_t kShortlist = 24;
+  static constexpr std::size_t kCandidates = 16;
+  using Candidates = StaticVector<PlaceCandidate, kCandidates>;
+
+  PlaceIndex(std::size_t capacity, Arena& arena);
+
+  /// Remembers a maplet; one with the same key is replaced.
+  void add(const Maplet& maplet) noexcept;
+
+  /// @param skip_agent  maplets of this agent are left out; negative: of none
+  /// @return candidates, the best first, without the maplet itself; valid until the next call
+  [[nodiscard]] const Candidates& query(const Maplet& maplet, int skip_agent,
+                                        Deadline deadline) noexcept;
+
+  [[nodiscard]] std::size_t size() const noexcept { return count_; }
+  [[nodiscard]] std::uint64_t forgotten() const noexcept { return forgotten_; }
+  /// Stop of the last query.
+  [[nodiscard]] Stop stop() const noexcept { return stop_; }
+
+ private:
+  struct Ranked {
+    float score;
+    std::uint32_t slot;
+  };
+  struct Scratch {
+    PlaceDescriptor asked;
+    PlaceCompare compare;
+    StaticVector<Ranked, kShortlist> shortlist;
+    Candidates candidates;
+  };
+
+  void shortlist(int skip_agent, Deadline deadline) noexcept;
+
+  std::span<PlaceDescriptor> stored_;
+  std::size_t count_ = 0;
+  std::size_t next_ = 0;
+  std::uint64_t forgotten_ = 0;
+  Stop stop_ = Stop::kConverged;
+  Arena::Owned<Scratch> scratch_;
+};
+
+}  // namespace maplet

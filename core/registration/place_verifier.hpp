@@ -1,0 +1,86 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "core/base/arena.hpp"
+#include "core/base/deadline.hpp"
+#include "core/registration/config.hpp"
+#include "core/registration/evidence.hpp"
+#include "core/registration/icap.hpp"
+#include "core/registration/place_compare.hpp"
+#include "core/registration/verdict.hpp"
+
+namespace maplet {
+
+/// How maplets of one agent lie to each other, as far as it is known: a place that fits has rivals
+/// elsewhere and support nearby. The agent (or a tool) implements it.
+class PlaceRelations {
+ public:
+  virtual ~PlaceRelations() = default;
+  /// @return false when nothing relates x and y; x == y is never asked
+  [[nodiscard]] virtual bool relate(const MapletKey& x, const MapletKey& y,
+                                    Se3& T_x_y) const noexcept = 0;
+};
+
+/// One way in which two maplets may lie to each other, aligned and weighed.
+struct PlaceHypothesis {
+  MapletKey a, b;
+  Stamp stamp_a{}, stamp_b{};
+  MapletAlignment alignment;
+  Evidence evidence;
+  double value = 0.0;    ///< of the evidence, contradictions held against it
+  double support = 0.0;  ///< value, and that of other pairs that say the same
+  Judgement alone;       ///< without a look at the others
+  Judgement guessed;     ///< the same, if something had said where to look
+  Judgement judgement;
+};
+
+/// Verifies candidates of the place index without any prior, several pairs together: a pair is
+/// accepted when its planes agree, and no other place has nearly as much to say for itself.
+///
+/// Memory   `capacity` hypotheses (~1 KB each) and an Icap in the arena
+/// Time     add: an ICaP a guess and the evidence of at most kPerPair; judge: O(hypotheses^2),
+/// small Threads  one caller at a time Math     docs/math/icap.md, section 8
+class PlaceVerifier {
+ public:
+  static constexpr std::size_t kPerPair = 2;
+
+  PlaceVerifier(const RegistrationConfig& config, std::size_t capacity, Arena& arena);
+
+  void clear() noexcept { count_ = 0; }
+
+  /// Aligns b to a from each guess and keeps what comes out best.
+  /// @return Stop::kDeadline when not all guesses were tried: the pair stays undecided
+  Stop add(const Maplet& a, const Maplet& b, const PlaceCompare::Guesses& guesses,
+           Deadline deadline) noexcept;
+
+  /// Judges all hypotheses since clear(), each in the light of the others.
+  void judge(const PlaceRelations& relations) noexcept;
+
+  /// The best hypothesis of each pair has the pair's verdict; order of add.
+  [[nodiscard]] std::span<const PlaceHypothesis> hypotheses() const noexcept {
+    return hypotheses_.first(count_);
+  }
+  /// Pairs that found no room. Counts since start-up.
+  [[nodiscard]] std::uint64_t dropped() const noexcept { return dropped_; }
+
+ private:
+  [[nodiscard]] bool predict(const PlaceHypothesis& from, const PlaceHypothesis& to,
+                             const PlaceRelations& relations, Se3& T_a_b,
+                             double& apart_m) const noexcept;
+  void gather_support(const PlaceRelations& relations) noexcept;
+  [[nodiscard]] bool vouched_for(const PlaceHypothesis& h,
+                                 const PlaceRelations& relations) const noexcept;
+  [[nodiscard]] bool has_rival(const PlaceHypothesis& h,
+                               const PlaceRelations& relations) const noexcept;
+
+  RegistrationConfig config_;
+  std::span<PlaceHypothesis> hypotheses_;
+  std::size_t count_ = 0;
+  std::uint64_t dropped_ = 0;
+  Arena::Owned<Icap> icap_;
+};
+
+}  // namespace maplet
