@@ -60,6 +60,14 @@ double ClosureJudge<Space>::chance(const Block &covariance) const noexcept {
   }
 }
 
+// A closure that was told twice does not bear itself out.
+template <class Space>
+bool ClosureJudge<Space>::same_places(int factor, int other) const noexcept {
+  const Factor<Space> &f = graph_.graph().factor(factor);
+  const Factor<Space> &g = graph_.graph().factor(other);
+  return (f.a == g.a && f.b == g.b) || (f.a == g.b && f.b == g.a);
+}
+
 // Whether, given this closure, one of those that wait passes a sharp test; that
 // one is accepted too.
 template <class Space>
@@ -69,7 +77,7 @@ bool ClosureJudge<Space>::corroborated(int factor, const Innovation &own) noexce
   int compared = 0;
   for (int k = closure_count_ - 1; k >= 0 && compared < kCompared; --k) {
     const int other = closures_[k];
-    if (other == factor || state_[other] != ClosureState::kWaiting) continue;
+    if (state_[other] != ClosureState::kWaiting || same_places(factor, other)) continue;
     ++compared;
     Innovation theirs;
     if (!measure(other, 0, theirs)) continue;
@@ -132,7 +140,7 @@ void ClosureJudge<Space>::join_if_paired(int factor) noexcept {
   int compared = 0;
   for (int k = closure_count_ - 1; k >= 0 && compared < 4 * kCompared; --k) {
     const int other = closures_[k];
-    if (other == factor || state_[other] != ClosureState::kWaiting) continue;
+    if (state_[other] != ClosureState::kWaiting || same_places(factor, other)) continue;
     const double chi2 = cycle(factor, other);
     if (chi2 < 0.0) continue;
     ++compared;

@@ -63,6 +63,7 @@ class ClosureJudge {
   [[nodiscard]] bool measure(int factor, int slot, Innovation &out) noexcept;
   [[nodiscard]] double chance(const Block &covariance) const noexcept;
   [[nodiscard]] bool corroborated(int factor, const Innovation &own) noexcept;
+  [[nodiscard]] bool same_places(int factor, int other) const noexcept;
   [[nodiscard]] double cycle(int factor, int other) noexcept;
   void join_if_paired(int factor) noexcept;
   [[nodiscard]] double without_it(int factor) noexcept;
