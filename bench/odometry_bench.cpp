@@ -7,6 +7,7 @@
 #include <time.h>
 
 #include <CLI/CLI.hpp>
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
@@ -15,6 +16,8 @@
 #include <string>
 #include <vector>
 
+#include "bench/odometry_report.hpp"
+#include "core/frame/decimator.hpp"
 #include "core/odometry/tracker.hpp"
 #include "core/patches/extractor.hpp"
 #include "drivers/open_source.hpp"
@@ -24,6 +27,7 @@
 namespace {
 
 using namespace maplet;
+using namespace maplet::bench;
 
 struct Options {
   std::string source;
@@ -34,19 +38,15 @@ struct Options {
   int every = 1;
   bool verbose = false;
   int windows = 0;
+  std::string errors;
+  std::string plot;
+  bool no_gray = false;
 };
 
 double cpu_us() {
   timespec t{};
   clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
   return 1e6 * static_cast<double>(t.tv_sec) + 1e-3 * static_cast<double>(t.tv_nsec);
-}
-
-double percentile(std::vector<double> values, double share) {
-  if (values.empty()) return 0.0;
-  const auto at = static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
-  std::nth_element(values.begin(), values.begin() + at, values.end());
-  return values[static_cast<std::size_t>(at)];
 }
 
 template <class Config, std::size_t N>
@@ -67,57 +67,27 @@ void apply(Config& config, const Field<Config> (&fields)[N],
   }
 }
 
-// Keeps every n-th pixel of every n-th row.
-struct Decimator {
-  std::vector<std::uint16_t> depth;
-  std::vector<std::uint8_t> gray;
-
-  template <class Pixel>
-  static ImageView<Pixel> shrink(const ImageView<Pixel>& in, int step, std::vector<Pixel>& out) {
-    if (in.empty()) return in;
-    out.clear();
-    for (int v = 0; v < in.height_px; v += step) {
-      for (int u = 0; u < in.width_px; u += step) out.push_back(in.at(u, v));
-    }
-    const int width = (in.width_px + step - 1) / step;
-    return {out.data(), width, (in.height_px + step - 1) / step, width};
-  }
-  DepthFrame operator()(DepthFrame frame, int step) {
-    if (step == 1) return frame;
-    frame.depth = shrink(frame.depth, step, depth);
-    frame.gray = shrink(frame.gray, step, gray);
-    frame.camera = frame.camera.decimated(step);
-    return frame;
-  }
-};
-
-struct Result {
-  eval::Trajectory estimate;
-  eval::Trajectory truth;
-  std::vector<double> patches_us, odometry_us, both_us, patch_counts;
-  std::uint64_t keyframes = 0;
-  TrackerCounters counters;
-};
-
 Result run(const Options& options) {
   OdometryConfig odometry;
   PatchConfig patch_config;
   apply(odometry, OdometryConfig::kFields, options.set, "odometry");
   apply(patch_config, PatchConfig::kFields, options.set, "patches");
   SourceOptions source_options;
+  source_options.gray = !options.no_gray;
   auto opened = open_source(options.source, source_options);
   if (!opened) throw std::runtime_error{opened.error().what};
   Arena arena;
   PatchExtractor extractor{patch_config, arena};
   Tracker tracker{odometry, arena};
-  Decimator decimate;
+  Decimator decimate{DecimatorConfig{options.decimate}, arena};
   Result result;
+  Se3 last;
   const auto* simulated = dynamic_cast<const SimSource*>(opened->get());
   for (int i = 0;; ++i) {
     auto frame = (*opened)->next(Deadline::never());
     if (!frame) break;
     if (i % options.every != 0) continue;
-    const DepthFrame view = decimate(*frame, options.decimate);
+    const DepthFrame view = decimate.run(*frame);
     if (simulated != nullptr) {
       result.truth.push_back({view.stamp, simulated->T_world_camera().se3});
     }
@@ -125,20 +95,30 @@ Result run(const Options& options) {
     const PatchSet& patches = extractor.run(view, Deadline::never());
     const double t1 = cpu_us();
     const Track track = tracker.run(view, patches, Deadline::never());
-    if (track.keyframe_due) {
-      tracker.make_keyframe(view, patches, track);
-      ++result.keyframes;
-    }
+    const Keyframe* keyframe =
+        track.keyframe_due ? &tracker.make_keyframe(view, patches, track) : nullptr;
     const double t2 = cpu_us();
+    if (keyframe != nullptr) {
+      ++result.keyframes;
+      const Se3 step = result.links.empty() ? Se3{} : last.inverse() * track.T_odom_camera.se3;
+      result.links.push_back({step, keyframe->covariance});
+      last = track.T_odom_camera.se3;
+      result.known.push_back(
+          {track.stamp, keyframe->id, {}, Matrix6d::Zero(), track.free_axes.size()});
+    } else if (track.state == Track::State::kTracking) {
+      result.known.push_back({track.stamp, track.keyframe_id, track.T_keyframe_camera.se3,
+                              track.covariance, track.free_axes.size()});
+    }
     result.patches_us.push_back(t1 - t0);
     result.odometry_us.push_back(t2 - t1);
     result.both_us.push_back(t2 - t0);
     result.patch_counts.push_back(static_cast<double>(patches.patches.size()));
     if (options.verbose) {
-      fmt::print("{:4d} patches {} planes {} in {} ov {:.2f} it {} free {} kf {} lost {} sig", i,
-                 patches.patches.size(), patches.planes.size(), track.inliers, track.overlap,
-                 track.iterations, track.free_axes.size(), track.keyframe_due,
-                 track.state == Track::State::kLost);
+      fmt::print(
+          "{:4d} patches {} planes {} in {} ov {:.2f} it {} free {} kf {} lost {} f {:.2f} sig", i,
+          patches.patches.size(), patches.planes.size(), track.inliers, track.overlap,
+          track.iterations, track.free_axes.size(), track.keyframe_due,
+          track.state == Track::State::kLost, track.disagreement);
       for (int k = 0; k < 6; ++k) fmt::print(" {:.5f}", std::sqrt(track.covariance(k, k)));
       fmt::print("\n");
     }
@@ -151,9 +131,10 @@ Result run(const Options& options) {
 
 void report(const Options& options, Result& result) {
   if (result.truth.empty() && !options.truth.empty()) result.truth = eval::read_tum(options.truth);
-  fmt::print("frames {} lost {} retried {} recovered {} segments {} keyframes {}\n",
-             result.counters.frames, result.counters.lost, result.counters.retried,
-             result.counters.recovered, result.counters.segments, result.keyframes);
+  const TrackerCounters& counts = result.counters;
+  fmt::print("frames {} lost {} retried {} recovered {} segments {} keyframes {} with gray {}\n",
+             counts.frames, counts.lost, counts.retried, counts.recovered, counts.segments,
+             result.keyframes, counts.with_gray);
   const auto cost = [](const char* name, const std::vector<double>& us) {
     fmt::print("{} cpu p50 {:.0f} us p99 {:.0f} us\n", name, percentile(us, 0.5),
                percentile(us, 0.99));
@@ -182,7 +163,11 @@ void report(const Options& options, Result& result) {
         i, 1e3 * error.t.x(), 1e3 * error.t.y(), 1e3 * error.t.z(), error.angle() * 57.2958,
         1e3 * truth.t.x(), 1e3 * truth.t.y(), 1e3 * truth.t.z(), truth.angle() * 57.2958);
   }
+  if (result.links.size() == result.keyframes) report_consistency(result, pairs);
   const auto e = eval::evaluate(pairs);
+  const auto errors = errors_over_time(pairs, e);
+  if (!options.errors.empty()) write_errors(options.errors, errors);
+  if (!options.plot.empty()) write_plot(options.plot, options.source, errors);
   fmt::print(
       "ATE {:.1f} mm (max {:.1f}), RPE frame {:.2f} mm {:.3f} deg, 1 s {:.1f} mm {:.2f} deg, path "
       "{:.2f} m, pairs {}, ATE/path {:.2f} %\n",
@@ -201,6 +186,9 @@ int main(int argc, char** argv) {
   app.add_option("--set", options.set, "odometry.KEY=VALUE or patches.KEY=VALUE");
   app.add_option("--decimate", options.decimate, "Keeps every n-th pixel")->check(CLI::Range(1, 4));
   app.add_option("--every", options.every, "Keeps every n-th frame")->check(CLI::Range(1, 1000));
+  app.add_flag("--no-gray", options.no_gray, "Depth alone");
+  app.add_option("--plot", options.plot, "Draws the error over time, SVG");
+  app.add_option("--errors", options.errors, "Writes the error over time, CSV");
   app.add_flag("--verbose", options.verbose, "A line per frame");
   app.add_option("--windows", options.windows, "Prints the error over every so many frames");
   CLI11_PARSE(app, argc, argv);

@@ -5,8 +5,10 @@
 #include <cstdint>
 
 #include "core/base/clock.hpp"
+#include "core/frame/motion_hint.hpp"
 #include "core/frame/noise_model.hpp"
 #include "core/geometry/camera_model.hpp"
+#include "core/geometry/se3.hpp"
 
 namespace maplet {
 
@@ -23,6 +25,13 @@ struct ImageView {
   [[nodiscard]] Pixel at(int u, int v) const noexcept { return row(v)[u]; }
 };
 
+/// A gray image of a camera of its own.
+struct GrayBeside {
+  ImageView<std::uint8_t> pixels;  ///< empty: there is none
+  CameraModel camera;
+  Se3 T_depth_gray;
+};
+
 /// One depth image, and the gray image registered to it when there is one.
 ///
 /// Memory  a loan: valid until the source's next call.
@@ -34,6 +43,8 @@ struct DepthFrame {
   CameraModel camera;  ///< of `depth`
   NoiseModel noise;
   ImageView<std::uint8_t> gray;  ///< same size and viewpoint as `depth`, or empty
+  GrayBeside gray_beside;        ///< where the gray camera is not the depth camera
+  MotionHint motion;
 };
 
 }  // namespace maplet

@@ -10,7 +10,7 @@ namespace {
 
 constexpr std::size_t kProbes = 48;      // facets that are looked for in another view
 constexpr double kProbeTolerance = 0.1;  // of inverse depth
-constexpr double kMinSharedView = 0.6;
+constexpr double kMinSharedView = 0.4;
 constexpr double kMetresPerRadian = 1.5;  // a turn by 1 rad changes a view like this way
 
 double view_distance(const Se3& a, const Se3& b) noexcept {

@@ -41,7 +41,7 @@ void MotionFilter::start(const Se3& T_odom_camera) noexcept {
 void MotionFilter::predict(double dt_s, bool damped) noexcept {
   if (dt_s <= 0.0) return;
   const double damping = damped ? std::exp(-dt_s / kDampingS) : 1.0;
-  const Se3 step = Se3::exp(velocity_ * dt_s * (damped ? 0.5 * (1.0 + damping) : 1.0));
+  const Se3 step = Se3::exp(velocity_ * (damped ? kDampingS * (1.0 - damping) : dt_s));
   T_odom_camera_ = T_odom_camera_ * step;
   velocity_ *= damping;
   Eigen::Matrix<double, 12, 12> F = Eigen::Matrix<double, 12, 12>::Identity();
@@ -62,6 +62,11 @@ void MotionFilter::predict(double dt_s, bool damped) noexcept {
     P_.row(6 + i) *= limit[i] / sigma;
     P_.col(6 + i) *= limit[i] / sigma;
   }
+}
+
+void MotionFilter::loosen() noexcept {
+  constexpr double kFrameS = 1.0 / 30.0;
+  P_.diagonal().head<6>() += split(kStartSpeedMps * kFrameS, kStartTurnRadps * kFrameS).cwiseAbs2();
 }
 
 // A free axis is known only within the noise of the surfaces; coupled to it by that noise, a large
@@ -102,6 +107,30 @@ void MotionFilter::update(const Se3& T_odom_camera, const Matrix6d& information,
   P_.bottomRightCorner<6, 6>() = 0.5 * (velocity + velocity.transpose());
   P_.bottomLeftCorner<6, 6>() = cross;
   P_.topRightCorner<6, 6>() = cross.transpose();
+}
+
+void MotionFilter::fuse(const Se3& T_odom_camera, const Matrix6d& information) noexcept {
+  Matrix6d pose = P_.topLeftCorner<6, 6>();
+  pose.diagonal().array() += kTinyVariance;
+  const Vector6d delta = (T_odom_camera_.inverse() * T_odom_camera).log();
+  const Matrix6d both = pose.inverse() + information;
+  const Vector6d step = both.ldlt().solve(information * delta);
+  if (!step.allFinite()) return;
+  update(T_odom_camera_ * Se3::exp(step), information, {});
+}
+
+MotionFilter::Distance MotionFilter::distance(const Se3& T_odom_camera,
+                                              const Matrix6d& information) const noexcept {
+  const Vector6d delta = (T_odom_camera_.inverse() * T_odom_camera).log();
+  const Matrix6d P = P_.topLeftCorner<6, 6>();
+  // A gyro measures the last three only.
+  if (information(0, 0) == 0.0) {
+    const Eigen::Matrix3d both = P.bottomRightCorner<3, 3>() +
+                                 Eigen::Matrix3d{information.bottomRightCorner<3, 3>()}.inverse();
+    const Eigen::Vector3d turn = delta.tail<3>();
+    return {turn.dot(both.inverse() * turn), 3};
+  }
+  return {delta.dot((P + information.inverse()).inverse() * delta), 6};
 }
 
 void MotionFilter::anchor() noexcept {

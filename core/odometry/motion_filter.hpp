@@ -22,11 +22,23 @@ class MotionFilter {
   void start(const Se3& T_odom_camera) noexcept;
   /// Moves on by dt_s >= 0; `damped` when nothing has been seen for a while.
   void predict(double dt_s, bool damped) noexcept;
+  /// A frame whose time makes no sense: the camera may have moved on by a frame, or not.
+  void loosen() noexcept;
   /// Takes over an aligned pose whose free axes were filled from the prediction.
   /// @param information  of the measurement alone (tangent of camera); may be singular
   /// @param free_axes    its null space, unit tangents
   void update(const Se3& T_odom_camera, const Matrix6d& information,
               std::span<const Vector6d> free_axes) noexcept;
+  /// Takes somebody else's word for where the camera is, as one measurement.
+  /// @param information  tangent of camera; may be singular
+  void fuse(const Se3& T_odom_camera, const Matrix6d& information) noexcept;
+  /// Squared Mahalanobis distance of a pose from the present one, and its degrees of freedom.
+  struct Distance {
+    double chi2;
+    int dof;
+  };
+  [[nodiscard]] Distance distance(const Se3& T_odom_camera,
+                                  const Matrix6d& information) const noexcept;
   /// The present pose becomes the reference: its covariance is zero from here on.
   void anchor() noexcept;
 

@@ -13,12 +13,15 @@ struct OdometryConfig {
   int max_patches = 1024;
   int max_iterations = 12;
   double gate_rad = 0.5;
-  double gate_chi2 = 20.0;
+  double gate_chi2 = 40.0;
   double saturation_px = 60.0;
   double noise_scale = 1.5;
   // Motion prior.
   double prior_acceleration_mps2 = 5.0;
   double prior_angular_acceleration_radps2 = 30.0;
+  bool gray = true;
+  double external_share = 0.05;
+  double gyro_share = 0.02;
   // What counts as free, and as lost.
   double free_m = 0.05;
   double free_rad = 0.05;
@@ -32,7 +35,7 @@ struct OdometryConfig {
   double keyframe_entropy = 1.0;
 
   static constexpr Field<OdometryConfig> kFields[] = {
-      {"references", &OdometryConfig::references, 1, 3,
+      {"references", &OdometryConfig::references, 1, 2,
        "Keyframes that a frame is aligned to at once"},
       {"coarse_patches", &OdometryConfig::coarse_patches, 16, 2048,
        "Largest patches that the coarse iterations use"},
@@ -51,6 +54,12 @@ struct OdometryConfig {
        "How fast the velocity is expected to change"},
       {"prior_angular_acceleration_radps2", &OdometryConfig::prior_angular_acceleration_radps2,
        0.01, 1000.0, "How fast the rate of turn is expected to change"},
+      {"gray", &OdometryConfig::gray, 0, 1,
+       "Intensities take part where there is a gray image of known viewpoint"},
+      {"external_share", &OdometryConfig::external_share, 0.001, 10.0,
+       "External odometry is wrong by this share of each step, where it does not say"},
+      {"gyro_share", &OdometryConfig::gyro_share, 0.001, 10.0,
+       "A gyro's turn is wrong by this share"},
       {"free_m", &OdometryConfig::free_m, 1e-4, 1.0,
        "A translation known worse than this from one frame counts as free"},
       {"free_rad", &OdometryConfig::free_rad, 1e-4, 1.0,

@@ -11,14 +11,20 @@
 #include "core/base/static_vector.hpp"
 #include "core/geometry/se3.hpp"
 #include "core/odometry/odometry_config.hpp"
+#include "core/odometry/pair_sums.hpp"
 #include "core/odometry/patch_view.hpp"
+#include "core/odometry/photo_term.hpp"
+#include "core/odometry/pose_information.hpp"
 
 namespace maplet {
 
-/// A keyframe to align to.
+/// Patches to align to.
 struct Reference {
   const PatchView* view;
   Se3 T_reference_odom;
+  /// The frame before, not a keyframe: it steadies the estimate, but its own error is not counted
+  /// anywhere, so it is no evidence about keyframes. Comes last.
+  bool previous = false;
 };
 
 /// What is known of the camera before looking at the frame.
@@ -36,9 +42,16 @@ struct Start {
 
 struct Alignment {
   Se3 T_odom_camera;
-  Matrix6d information = Matrix6d::Zero();  ///< of the patches alone, free axes projected out
+  Matrix6d information = Matrix6d::Zero();  ///< of the keyframes alone, free axes projected out
   StaticVector<Vector6d, 6> free_axes;      ///< unit tangents
   double chi2_per_dof = 0.0;                ///< of the inliers
+  /// How far the keyframes pull apart, squared, and what their information lets expect.
+  double disagreement = 0.0;
+  double expected_disagreement = 0.0;
+  /// The same of intensities against patches.
+  double photo_disagreement = 0.0;
+  double expected_photo_disagreement = 0.0;
+  double photo_inflation = 1.0;  ///< of the points' information, measured against the patches'
   std::uint32_t inliers = 0;
   double overlap = 0.0;        ///< share of the frame's patch pixels on inliers, best reference
   double first_overlap = 0.0;  ///< the same for the first reference
@@ -47,48 +60,52 @@ struct Alignment {
 };
 
 /// Aligns a frame's patches to those of keyframes: projective association, Mahalanobis distance of
-/// inverse-depth planes, heavy tails, Gauss-Newton.
+/// inverse-depth planes, heavy tails, Gauss-Newton. Intensities may join in.
 ///
 /// Memory   fixed, from the arena: kMaxPatches pairs a reference.
 /// Time     O(iterations * references * patches); overruns the deadline by one iteration at most.
 /// Threads  one caller at a time.
-/// Math     docs/math/odometry.md, eq. 1-8.
+/// Math     docs/math/odometry.md, eq. 1-8, 13-15.
 class PatchAligner {
  public:
   static constexpr std::size_t kMaxReferences = 3;
 
   PatchAligner(const OdometryConfig& config, Arena& arena);
 
+  /// @param photo  against the first reference; empty without gray
   [[nodiscard]] Alignment run(const PatchView& frame, std::span<const Reference> references,
-                              const PosePrior& prior, const Start& start,
+                              const PosePrior& prior, const Start& start, PhotoTerm& photo,
                               Deadline deadline) noexcept;
 
  private:
-  struct Pair {
-    const Facet* frame;
-    const Facet* reference;
-    Eigen::Matrix3d weight;  ///< inverse covariance of the residual
-  };
   struct Slack {
     double m, rad;       ///< added to what normals and distances may differ, one sigma
     std::size_t facets;  ///< the largest only
   };
-  struct Sums;
+  using References = std::span<const Reference>;
 
-  void associate(const PatchView& frame, std::span<const Reference> references, const Se3& T,
+  void associate(const PatchView& frame, References references, const Se3& T,
                  const Slack& slack) noexcept;
   void associate_with(const PatchView& frame, const Reference& reference, const Se3& T,
                       const Slack& slack) noexcept;
-  [[nodiscard]] Sums accumulate(std::span<const Reference> references, const Se3& T) const noexcept;
-  [[nodiscard]] Matrix6d spurious(std::span<const Reference> references,
-                                  const Se3& T) const noexcept;
-  void finish(std::span<const Facet> facets, std::span<const Reference> references,
-              Alignment& out) const noexcept;
+  [[nodiscard]] bool finer(Slack& slack, const PatchView& frame) const noexcept;
+  [[nodiscard]] std::span<const FacetPair> pairs_of(std::size_t reference) const noexcept {
+    const std::size_t begin = reference == 0 ? 0 : pair_end_[reference - 1];
+    return pairs_.subspan(begin, pair_end_[reference] - begin);
+  }
+  [[nodiscard]] NormalEquations equations(References references, const Se3& T) const noexcept;
+  [[nodiscard]] Matrix6d spurious(References references, const Se3& T) const noexcept;
+  void judge(std::span<const Facet> facets, References references, Alignment& out) noexcept;
+  void weigh(References references, PhotoTerm& photo, Alignment& out) noexcept;
+  void weigh_photo(const NormalEquations& patches, const NormalEquations& points, PhotoTerm& photo,
+                   Alignment& out) noexcept;
 
   OdometryConfig config_;
-  std::span<Pair> pairs_;
+  Vector6d scale_;  ///< what counts as known
+  std::span<FacetPair> pairs_;
   std::size_t pair_count_ = 0;
   std::array<std::size_t, kMaxReferences> pair_end_{};  ///< of each reference's pairs
+  ScoreBlocks blocks_;
 };
 
 }  // namespace maplet

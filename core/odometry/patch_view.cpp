@@ -1,8 +1,10 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #include "core/odometry/patch_view.hpp"
 
-#include <Eigen/LU>
 #include <algorithm>
+#include <cmath>
+
+#include "core/odometry/pose_information.hpp"
 
 namespace maplet {
 
@@ -11,8 +13,12 @@ namespace {
 // The eigenvalue of a patch's information that a tiny or degenerate patch may lack, m^2.
 constexpr double kMinInformation = 1e-9;
 
-Eigen::Matrix3d invert(const Eigen::Matrix3d& information) noexcept {
-  return (information + kMinInformation * Eigen::Matrix3d::Identity()).inverse();
+Sym3 invert(const Eigen::Matrix3d& information) noexcept {
+  Sym3 sum = Sym3::of(information);
+  sum.xx += kMinInformation;
+  sum.yy += kMinInformation;
+  sum.zz += kMinInformation;
+  return sum.inverse();
 }
 
 }  // namespace
@@ -41,7 +47,7 @@ void PatchView::assign(const PatchSet& set, const OdometryConfig& config) noexce
     facet.theta = patch.theta;
     // Averaging stops where the sensor's bias begins (docs/math/odometry.md, eq. 2).
     const double bias = 1.0 + pixels / config.saturation_px;
-    const Eigen::Matrix3d covariance = invert(patch.information);
+    const Sym3 covariance = invert(patch.information);
     facet.covariance = covariance * bias;
     facet.surface = patch.theta;
     facet.surface_covariance = covariance;
@@ -52,7 +58,9 @@ void PatchView::assign(const PatchSet& set, const OdometryConfig& config) noexce
     }
     facet.centre = patch.centre();
     facet.pixels = pixels;
-    if (!(facet.centre.z() > kMinDepthM) || !facet.covariance.allFinite()) {
+    facet.block = score_block(patch.u_px + 0.5 * patch.width_px, patch.v_px + 0.5 * patch.height_px,
+                              std::max(camera_.width_px, 1), std::max(camera_.height_px, 1));
+    if (!(facet.centre.z() > kMinDepthM) || !std::isfinite(facet.covariance.trace())) {
       order_[i] = kEmpty;
       continue;
     }

@@ -7,20 +7,22 @@
 
 #include "core/base/arena.hpp"
 #include "core/odometry/odometry_config.hpp"
+#include "core/odometry/sym3.hpp"
 #include "core/patches/patch.hpp"
 
 namespace maplet {
 
 /// What the alignment reads of a patch.
 struct Facet {
-  Eigen::Vector3d theta;       ///< 1/m
-  Eigen::Matrix3d covariance;  ///< of theta, with the sensor's bias
-  Eigen::Vector3d centre;      ///< camera frame, m
+  Eigen::Vector3d theta;   ///< 1/m
+  Sym3 covariance;         ///< of theta, with the sensor's bias
+  Eigen::Vector3d centre;  ///< camera frame, m
   double pixels;
+  std::size_t block;  ///< of the image: ScoreBlocks
   /// The best known theta of the surface it lies on, and its covariance: of its plane if it has
   /// one. Normals of patches are noisy; as a Jacobian they would claim to see free directions.
   Eigen::Vector3d surface;
-  Eigen::Matrix3d surface_covariance;
+  Sym3 surface_covariance;
 };
 
 /// A frame's patches as the alignment reads them: the largest first, and which one lies at a pixel.

@@ -27,6 +27,9 @@ struct Track {
   StaticVector<Vector6d, 6> free_axes;
   std::uint32_t inliers = 0;  ///< patches
   double overlap = 0.0;       ///< share of the frame's patch pixels that found their keyframe patch
+  /// What the covariance was multiplied by because keyframes disagree (eq. 15).
+  double disagreement = 1.0;
+  bool gray = false;  ///< intensities took part
   std::uint32_t iterations = 0;
   Stop stop = Stop::kConverged;
   bool keyframe_due = false;  ///< this frame should become a keyframe

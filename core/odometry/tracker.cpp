@@ -15,6 +15,16 @@ constexpr double kFoundOverlap = 0.4;  // a view is recognised, not just tracked
 constexpr double kSearchSlackM = 0.1;
 constexpr double kSearchSlackRad = 0.1;
 constexpr double kSearchRad = 0.12;
+constexpr double kLeastVariance = 1e-10;
+constexpr double kGapS = 0.25;                // after which the last velocity says little
+constexpr double kMostGapS = 30.0;            // a stamp that jumps farther tells no more
+constexpr int kBackwardToFollow = 3;          // frames in a row: the source's time begins anew
+constexpr double kHintGate[] = {32.0, 24.0};  // chi-square of 6 and 3 degrees of freedom, 5e-5
+constexpr double kBetterOverlap = 1.1;
+// The keyframes' disagreement, eq. 15.
+constexpr double kDisagreementFrames = 200.0;
+constexpr double kDisagreementPrior = 6.0;
+constexpr double kLeastDisagreement = 0.7;
 
 double log_determinant(const Matrix6d& information) noexcept {
   const Eigen::LLT<Matrix6d> llt{information};
@@ -30,23 +40,30 @@ double largest_sigma(const Eigen::Matrix3d& covariance) noexcept {
 
 }  // namespace
 
+struct Tracker::Guess {
+  bool any = false;
+  Se3 T_odom_camera;
+};
+
 Tracker::Tracker(const OdometryConfig& config, Arena& arena)
     : config_{config},
-      view_{arena},
+      views_{PatchView{arena}, PatchView{arena}},
       aligner_{config, arena},
       pool_{config, arena},
-      filter_{config} {}
+      photo_{config.gray, arena},
+      filter_{config},
+      hints_{config},
+      disagreement_{kDisagreementFrames, kDisagreementPrior} {}
 
 Track Tracker::run(const DepthFrame& frame, const PatchSet& patches, Deadline deadline) noexcept {
   Track track;
   track.stamp = frame.stamp;
   ++counters_.frames;
-  const double dt_s = counters_.frames == 1 ? 0.0 : seconds(frame.stamp - last_stamp_);
-  if (counters_.frames > 1 && dt_s <= 0.0) ++counters_.not_forward;
-  if (dt_s > 0.0 || counters_.frames == 1) last_stamp_ = frame.stamp;
-  filter_.predict(dt_s, lost_);
-  view_.assign(patches, config_);
-  if (view_.facets().size() < static_cast<std::size_t>(config_.min_pairs)) {
+  predict(frame.stamp);
+  now_ = 1 - now_;
+  views_[now_].assign(patches, config_);
+  photo_.assign(frame);
+  if (view().facets().size() < static_cast<std::size_t>(config_.min_pairs)) {
     lose(track);
     return track;
   }
@@ -55,34 +72,106 @@ Track Tracker::run(const DepthFrame& frame, const PatchSet& patches, Deadline de
     track.state = Track::State::kTracking;
     track.keyframe_due = true;
     track.overlap = 1.0;
-    track.inliers = static_cast<std::uint32_t>(view_.facets().size());
+    track.inliers = static_cast<std::uint32_t>(view().facets().size());
+    hints_.keep(frame.motion);
     return track;
   }
+  Guess guess;
+  take_hints(frame.motion, guess);
   PosePrior prior{filter_.pose(), Matrix6d::Zero()};
   Matrix6d covariance = filter_.covariance();
-  covariance.diagonal().array() += 1e-10;
+  covariance.diagonal().array() += kLeastVariance;
   prior.information = covariance.inverse();
-  const auto references = pool_.references(view_, filter_.pose());
-  const Start start{filter_.pose(), largest_sigma(covariance.topLeftCorner<3, 3>()),
-                    largest_sigma(covariance.bottomRightCorner<3, 3>())};
-  Alignment alignment =
-      aligner_.run(view_, {references.data(), references.size()}, prior, start, deadline);
-  if (!usable(alignment)) {
-    ++counters_.retried;
-    alignment = search(references, prior, deadline);
-  }
+  Alignment alignment = align(references(), prior, guess, deadline);
   if (usable(alignment) && (!lost_ || alignment.overlap > kFoundOverlap)) {
     if (lost_) ++counters_.recovered;
-    accept(alignment, track);
+    accept(frame, alignment, track);
   } else if (lost_ && relocalise(prior, alignment, deadline)) {
     ++counters_.recovered;
-    accept(alignment, track);
+    accept(frame, alignment, track);
   } else if (lost_ && ++usable_while_lost_ >= config_.lost_frames) {
     begin_segment(track);
+    hints_.keep(frame.motion);
+    T_odom_last_ = track.T_odom_camera.se3;
   } else {
     lose(track);
   }
   return track;
+}
+
+void Tracker::predict(Stamp stamp) noexcept {
+  double dt_s = counters_.frames == 1 ? 0.0 : seconds(stamp - last_stamp_);
+  if (counters_.frames > 1 && dt_s <= 0.0) {
+    ++counters_.not_forward;
+    filter_.loosen();
+    if (++backward_ < kBackwardToFollow) return;
+    dt_s = 0.0;
+  }
+  backward_ = 0;
+  last_stamp_ = stamp;
+  filter_.predict(std::min(dt_s, kMostGapS), lost_ || dt_s > kGapS);
+}
+
+// What others measured joins the prediction where the two agree; what contradicts it is kept as
+// another place to begin.
+void Tracker::take_hints(const MotionHint& hint, Guess& guess) noexcept {
+  for (const auto kind : {HintFollower::kPose, HintFollower::kTurn}) {
+    HintedMotion motion;
+    if (!hints_.believed(kind) || !hints_.motion(kind, hint, motion)) continue;
+    Se3 hinted = T_odom_last_ * motion.T_last_now;
+    if (kind == HintFollower::kTurn) hinted.t = filter_.pose().t;
+    if (filter_.distance(hinted, motion.information).chi2 < kHintGate[kind]) {
+      filter_.fuse(hinted, motion.information);
+      ++counters_.hints_used;
+    } else if (!guess.any) {
+      guess = {true, hinted};
+    }
+  }
+}
+
+// A hint is right when the motion that was seen is within its own and the filter's uncertainty.
+void Tracker::judge_hints(const MotionHint& hint, const Alignment& alignment) noexcept {
+  for (const auto kind : {HintFollower::kPose, HintFollower::kTurn}) {
+    HintedMotion motion;
+    if (!hints_.motion(kind, hint, motion)) continue;
+    Vector6d off = ((T_odom_last_ * motion.T_last_now).inverse() * alignment.T_odom_camera).log();
+    for (const Vector6d& axis : alignment.free_axes) off -= axis * axis.dot(off);
+    const bool agreed = off.dot(motion.information * off) < kHintGate[kind];
+    if (!agreed) ++counters_.hints_refused;
+    hints_.judge(kind, agreed);
+  }
+}
+
+KeyframePool::References Tracker::references() const noexcept {
+  auto out = pool_.references(view(), filter_.pose());
+  if (has_previous_ && !lost_ && out.size() < PatchAligner::kMaxReferences) {
+    out.push_back({&views_[1 - now_], T_odom_last_.inverse(), true});
+  }
+  return out;
+}
+
+Alignment Tracker::try_from(const KeyframePool::References& references, const PosePrior& prior,
+                            const Start& start, Deadline deadline) noexcept {
+  PhotoTerm& photo = photo_.against(pool_.newest().T_odom_camera.se3.inverse());
+  return aligner_.run(view(), {references.data(), references.size()}, prior, start, photo,
+                      deadline);
+}
+
+Alignment Tracker::align(const KeyframePool::References& references, const PosePrior& prior,
+                         const Guess& guess, Deadline deadline) noexcept {
+  const Matrix6d covariance = filter_.covariance();
+  const Start start{filter_.pose(), largest_sigma(covariance.topLeftCorner<3, 3>()),
+                    largest_sigma(covariance.bottomRightCorner<3, 3>())};
+  Alignment alignment = try_from(references, prior, start, deadline);
+  if (guess.any) {
+    PosePrior wide{guess.T_odom_camera, 0.1 * prior.information};
+    const Alignment other =
+        try_from(references, wide, {guess.T_odom_camera, kSearchSlackM, kSearchSlackRad}, deadline);
+    if (usable(other) && other.overlap > kBetterOverlap * alignment.overlap) alignment = other;
+  }
+  if (usable(alignment)) return alignment;
+  ++counters_.retried;
+  return search(references, prior, deadline);
 }
 
 bool Tracker::usable(const Alignment& alignment) const noexcept {
@@ -93,21 +182,20 @@ bool Tracker::usable(const Alignment& alignment) const noexcept {
 // The prediction failed: other starts, the most likely first; the best overlap wins.
 Alignment Tracker::search(const KeyframePool::References& references, const PosePrior& prior,
                           Deadline deadline) noexcept {
-  const Se3 still = filter_.pose() * Se3::exp(-filter_.velocity() * (1.0 / 30.0));
   Alignment best;
   best.T_odom_camera = filter_.pose();
-  for (int i = 0; i < 6; ++i) {
+  for (int i = 0; i < 7; ++i) {
     if (i > 0 && deadline.expired()) break;
-    Se3 start = i == 0 ? still : filter_.pose();
+    Se3 start = i == 0 ? T_odom_last_ : filter_.pose();
     if (i >= 2) {
       Vector6d turn = Vector6d::Zero();
-      turn[3 + (i - 2) / 2] = i % 2 == 0 ? kSearchRad : -kSearchRad;
-      start = filter_.pose() * Se3::exp(turn);
+      turn[3 + (i - 2) / 2 % 3] = i % 2 == 0 ? kSearchRad : -kSearchRad;
+      start = start * Se3::exp(turn);
     }
     PosePrior wide = prior;
     wide.information *= 0.1;
-    const Alignment tried = aligner_.run(view_, {references.data(), references.size()}, wide,
-                                         {start, kSearchSlackM, kSearchSlackRad}, deadline);
+    const Alignment tried =
+        try_from(references, wide, {start, kSearchSlackM, kSearchSlackRad}, deadline);
     if (tried.overlap > best.overlap) best = tried;
     if (usable(best) && best.overlap > kFoundOverlap) break;
   }
@@ -121,17 +209,24 @@ bool Tracker::relocalise(const PosePrior& prior, Alignment& out, Deadline deadli
   PosePrior wide = prior;
   wide.information *= 0.01;
   const Reference reference = pool_.reference(next_slot_);
-  out = aligner_.run(view_, {&reference, 1}, wide,
+  out = aligner_.run(view(), {&reference, 1}, wide,
                      {pool_.keyframe(next_slot_).T_odom_camera.se3, kSearchSlackM, kSearchSlackRad},
-                     deadline);
+                     photo_.none(), deadline);
   return usable(out) && out.overlap > kFoundOverlap && out.free_axes.empty();
 }
 
-void Tracker::accept(const Alignment& alignment, Track& track) noexcept {
-  filter_.update(alignment.T_odom_camera, alignment.information,
+void Tracker::accept(const DepthFrame& frame, const Alignment& alignment, Track& track) noexcept {
+  disagreement_.add(alignment.disagreement, alignment.expected_disagreement);
+  track.disagreement = std::max(kLeastDisagreement, disagreement_.value());
+  judge_hints(frame.motion, alignment);
+  hints_.keep(frame.motion);
+  photo_.learn(alignment);
+  filter_.update(alignment.T_odom_camera, alignment.information / track.disagreement,
                  {alignment.free_axes.data(), alignment.free_axes.size()});
   lost_ = false;
   usable_while_lost_ = 0;
+  has_previous_ = true;
+  T_odom_last_ = alignment.T_odom_camera;
   track.state = Track::State::kTracking;
   track.keyframe_id = pool_.newest().id;
   track.T_odom_camera = Transform<OdomFrame, CameraFrame>{alignment.T_odom_camera};
@@ -143,11 +238,14 @@ void Tracker::accept(const Alignment& alignment, Track& track) noexcept {
   track.overlap = alignment.overlap;
   track.iterations = alignment.iterations;
   track.stop = alignment.stop;
+  track.gray = photo_.used();
+  if (track.gray) ++counters_.with_gray;
   track.keyframe_due = keyframe_due(track, alignment);
 }
 
 void Tracker::lose(Track& track) noexcept {
   ++counters_.lost;
+  has_previous_ = false;
   lost_ = !pool_.empty();
   track.state = Track::State::kLost;
   track.T_odom_camera = Transform<OdomFrame, CameraFrame>{filter_.pose()};
@@ -196,6 +294,7 @@ const Keyframe& Tracker::make_keyframe(const DepthFrame& frame, const PatchSet& 
   keyframe.patches = patches;
   first_after_keyframe_ = true;
   filter_.anchor();
+  photo_.make_keyframe(frame, patches);
   return pool_.commit();
 }
 

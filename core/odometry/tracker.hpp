@@ -1,17 +1,21 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <cstdint>
 
 #include "core/base/arena.hpp"
 #include "core/base/deadline.hpp"
 #include "core/frame/depth_frame.hpp"
+#include "core/odometry/hint_follower.hpp"
 #include "core/odometry/keyframe.hpp"
 #include "core/odometry/keyframe_pool.hpp"
 #include "core/odometry/motion_filter.hpp"
 #include "core/odometry/odometry_config.hpp"
 #include "core/odometry/patch_aligner.hpp"
 #include "core/odometry/patch_view.hpp"
+#include "core/odometry/photo_tracker.hpp"
+#include "core/odometry/running_ratio.hpp"
 #include "core/odometry/track.hpp"
 
 namespace maplet {
@@ -19,11 +23,14 @@ namespace maplet {
 /// What happened so far, all counted.
 struct TrackerCounters {
   std::uint64_t frames = 0;
-  std::uint64_t lost = 0;         ///< frames without a pose
-  std::uint64_t recovered = 0;    ///< the view was found again in a keyframe
-  std::uint64_t segments = 0;     ///< gaps that were bridged by the motion prior alone
-  std::uint64_t retried = 0;      ///< frames whose first start failed
-  std::uint64_t not_forward = 0;  ///< frames whose stamp did not go forward
+  std::uint64_t lost = 0;           ///< frames without a pose
+  std::uint64_t recovered = 0;      ///< the view was found again in a keyframe
+  std::uint64_t segments = 0;       ///< gaps that were bridged by the motion prior alone
+  std::uint64_t retried = 0;        ///< frames whose first start failed
+  std::uint64_t not_forward = 0;    ///< frames whose stamp did not go forward
+  std::uint64_t hints_used = 0;     ///< external motions that the prior took in
+  std::uint64_t hints_refused = 0;  ///< those that contradicted what was expected or seen
+  std::uint64_t with_gray = 0;      ///< frames in which intensities took part
 };
 
 /// Tracks the camera frame by frame against keyframes.
@@ -51,22 +58,41 @@ class Tracker {
   [[nodiscard]] const TrackerCounters& counters() const noexcept { return counters_; }
 
  private:
+  struct Guess;  // where else the camera may be, from a hint that contradicts the prediction
+
+  [[nodiscard]] const PatchView& view() const noexcept { return views_[now_]; }
+  void predict(Stamp stamp) noexcept;
+  void take_hints(const MotionHint& hint, Guess& guess) noexcept;
+  void judge_hints(const MotionHint& hint, const Alignment& alignment) noexcept;
+  [[nodiscard]] KeyframePool::References references() const noexcept;
+  [[nodiscard]] Alignment align(const KeyframePool::References& references, const PosePrior& prior,
+                                const Guess& guess, Deadline deadline) noexcept;
+  [[nodiscard]] Alignment try_from(const KeyframePool::References& references,
+                                   const PosePrior& prior, const Start& start,
+                                   Deadline deadline) noexcept;
   [[nodiscard]] bool usable(const Alignment& alignment) const noexcept;
   [[nodiscard]] Alignment search(const KeyframePool::References& references, const PosePrior& prior,
                                  Deadline deadline) noexcept;
   [[nodiscard]] bool relocalise(const PosePrior& prior, Alignment& out, Deadline deadline) noexcept;
   [[nodiscard]] bool keyframe_due(const Track& track, const Alignment& alignment) noexcept;
-  void accept(const Alignment& alignment, Track& track) noexcept;
+  void accept(const DepthFrame& frame, const Alignment& alignment, Track& track) noexcept;
   void lose(Track& track) noexcept;
   void begin_segment(Track& track) noexcept;
 
   OdometryConfig config_;
-  PatchView view_;
+  std::array<PatchView, 2> views_;  ///< of the present frame and of the one before
+  std::size_t now_ = 0;
+  bool has_previous_ = false;
+  Se3 T_odom_last_;  ///< of the last tracked frame
   PatchAligner aligner_;
   KeyframePool pool_;
+  PhotoTracker photo_;
   MotionFilter filter_;
+  HintFollower hints_;
   TrackerCounters counters_;
+  RunningRatio disagreement_;  ///< of keyframes: squared, over what was to be expected
   Stamp last_stamp_{};
+  int backward_ = 0;  ///< frames in a row whose stamp did not go forward
   bool lost_ = false;
   int usable_while_lost_ = 0;
   std::size_t next_slot_ = 0;  ///< to look for the view in, while lost

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "drivers/replay/camera_toml.hpp"
 #include "drivers/replay/text.hpp"
@@ -50,8 +51,15 @@ OpenedSource TumSource::open(const std::filesystem::path& folder, const TumSelec
   source->folder_ = folder;
   if (auto read = source->read_camera(options); !read) return bad(read.error());
   if (auto read = source->read_list(selection); !read) return bad(read.error());
-  if (options.gray && source->registered_) {
+  if (options.gray) {
     if (auto added = source->add_gray(); !added) return bad(added.error());
+  }
+  auto motion = MotionFiles::read(folder);
+  if (!motion) return bad(motion.error());
+  source->motion_ = std::move(*motion);
+  if (source->motion_.skipped() > 0) {
+    source->detail_ = line("{}: {} lines of odometry.txt and gyro.txt make no sense: skipped",
+                           folder.c_str(), source->motion_.skipped());
   }
   if (auto fit = source->check_images(); !fit) return bad(fit.error());
   return source;
@@ -70,6 +78,9 @@ tl::expected<void, std::string> TumSource::read_camera(const SourceOptions& opti
     frame_.metres_per_unit = recorded->metres_per_unit;
     invalid_values_ = recorded->invalid_values;
     registered_ = recorded->registered_to_colour;
+    const auto gray = parse_gray_toml(*text, file.string());
+    if (!gray) return Problem{gray.error()};
+    if (!registered_) gray_camera_ = *gray;
   } else {
     if (!options.camera.valid()) {
       return Problem{fmt::format(
@@ -121,6 +132,14 @@ tl::expected<void, std::string> TumSource::add_gray() {
   const std::filesystem::path file = folder_ / "rgb.txt";
   std::error_code error;
   if (!std::filesystem::exists(file, error) && !error) return {};
+  if (!registered_ && !gray_camera_) {
+    detail_ = line(
+        "{}: gray is not used: not registered to depth, and camera.toml has no [gray] T_depth_gray",
+        folder_.c_str());
+    return {};
+  }
+  const Duration offset{gray_camera_ ? std::llround(1e9 * gray_camera_->time_offset_s)
+                                     : Duration::rep{0}};
   const auto text = read_text(file, kMaxListBytes);
   if (!text) return Problem{text.error() + "; to do without gray: input.gray=off"};
   auto images = parse_image_list(*text);
@@ -131,38 +150,39 @@ tl::expected<void, std::string> TumSource::add_gray() {
   bool any = false;
   for (Entry& entry : entries_) {
     if (entry.depth.empty()) continue;
-    if (const ListedImage* image = nearest(images, entry.stamp, kGrayTolerance)) {
+    if (const ListedImage* image = nearest(images, entry.stamp + offset, kGrayTolerance)) {
       entry.gray = folder_ / image->file;
       any = true;
     }
   }
-  if (any) gray_.resize(depth_.size());
+  if (any) gray_.resize(gray_size().pixels());
   return {};
 }
 
 tl::expected<void, std::string> TumSource::check_images() {
   const ImageSize want = size_of(frame_.camera);
-  const auto differs = [&](const std::filesystem::path& file,
-                           const ImageReader::Result<ImageSize>& got) {
+  const ImageSize want_gray = gray_size();
+  const auto differs = [](const std::filesystem::path& file,
+                          const ImageReader::Result<ImageSize>& got, ImageSize expected) {
     return fmt::format(
         "{}: image is {}x{}, camera.toml or the configuration says {}x{}: correct it",
-        file.string(), got->width_px, got->height_px, want.width_px, want.height_px);
+        file.string(), got->width_px, got->height_px, expected.width_px, expected.height_px);
   };
   std::string first_problem;
   for (const Entry& entry : entries_) {
     if (entry.depth.empty()) continue;
     if (const auto size = reader_.read_size(entry.depth); size && *size != want) {
-      return Problem{differs(entry.depth, size)};
+      return Problem{differs(entry.depth, size, want)};
     }
     const auto read = reader_.read_depth(entry.depth, want, depth_);
     if (!read) {
       if (first_problem.empty()) first_problem.assign(read.error().what.data());
       continue;
     }
-    const auto gray =
-        entry.gray.empty() ? ImageReader::Result<ImageSize>{want} : reader_.read_size(entry.gray);
-    if (gray && *gray != want) {
-      return Problem{differs(entry.gray, gray) + ", or set input.gray=off"};
+    const auto gray = entry.gray.empty() ? ImageReader::Result<ImageSize>{want_gray}
+                                         : reader_.read_size(entry.gray);
+    if (gray && *gray != want_gray) {
+      return Problem{differs(entry.gray, gray, want_gray) + ", or set input.gray=off"};
     }
     return {};
   }
@@ -181,7 +201,7 @@ bool TumSource::load(const Entry& entry) noexcept {
   }
   gray_loaded_ = false;
   if (entry.gray.empty()) return true;
-  if (const auto read = reader_.read_gray(entry.gray, size, gray_)) {
+  if (const auto read = reader_.read_gray(entry.gray, gray_size(), gray_)) {
     gray_loaded_ = true;
   } else {
     detail_ = read.error().what;
@@ -219,8 +239,17 @@ Expected<DepthFrame> TumSource::next(Deadline deadline) noexcept {
   frame_.stamp = last_ = entry.stamp;
   frame_.depth = {depth_.data(), camera.width_px, camera.height_px, camera.width_px};
   frame_.gray = {};
-  if (gray_loaded_)
-    frame_.gray = {gray_.data(), camera.width_px, camera.height_px, camera.width_px};
+  frame_.gray_beside = {};
+  if (gray_loaded_) {
+    const ImageSize size = gray_size();
+    const ImageView<std::uint8_t> gray{gray_.data(), size.width_px, size.height_px, size.width_px};
+    if (gray_camera_) {
+      frame_.gray_beside = {gray, gray_camera_->camera, gray_camera_->T_depth_gray};
+    } else {
+      frame_.gray = gray;
+    }
+  }
+  frame_.motion = motion_.at(entry.stamp);
   started_ = true;
   ++counters_.read;
   return frame_;

@@ -4,11 +4,14 @@
 #include <cstddef>
 #include <filesystem>
 #include <limits>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "core/ports/depth_source.hpp"
+#include "drivers/replay/camera_toml.hpp"
 #include "drivers/replay/image_file.hpp"
+#include "drivers/replay/motion_files.hpp"
 #include "drivers/source.hpp"
 
 namespace maplet {
@@ -26,7 +29,8 @@ struct TumSelection {
 /// A frame's index is its place in the selection: skipped frames leave gaps. An image that cannot
 /// be read, a line that makes no sense and a stamp that does not go forward are counted and
 /// skipped. Gray is the image nearest in time, at most kGrayTolerance off, and only where
-/// camera.toml says that it is registered to depth.
+/// camera.toml says that it is registered to depth, or where its camera stands to the depth camera
+/// (table [gray]). Beside it may stand odometry.txt and gyro.txt (MotionFiles).
 ///
 /// Memory  the lists and one image of each kind, decided in open(); libjpeg-turbo's own for gray.
 /// Time    one decoding a frame; expired deadlines are noticed between skipped frames.
@@ -62,6 +66,10 @@ class TumSource final : public DepthSource {
   tl::expected<void, std::string> add_gray();
   tl::expected<void, std::string> check_images();
   bool load(const Entry& entry) noexcept;
+  [[nodiscard]] ImageSize gray_size() const noexcept {
+    const CameraModel& camera = gray_camera_ ? gray_camera_->camera : frame_.camera;
+    return {camera.width_px, camera.height_px};
+  }
 
   std::filesystem::path folder_;
   std::vector<Entry> entries_;
@@ -69,6 +77,8 @@ class TumSource final : public DepthSource {
   bool started_ = false;
   Stamp last_{};
   bool registered_ = false;
+  std::optional<RecordedGray> gray_camera_;  ///< of a gray camera that is not the depth camera
+  MotionFiles motion_;
   InvalidValues invalid_values_;
   DepthFrame frame_;  ///< what all frames share
   ImageReader reader_;

@@ -290,6 +290,35 @@ TEST_F(TumGray, IsLeftOutWhenNotWantedNotRegisteredOrNotThere) {
   EXPECT_EQ(levels(*open().value()), (std::vector<int>{-1, -1, -1, -1}));
 }
 
+TEST_F(TumGray, SaysWhyItIsNotUsed) {
+  write_bytes(dir_ / "camera.toml", camera_toml(""));
+  auto source = open();
+  EXPECT_TRUE(says(std::string{(*source)->detail()}, "gray is not used: not registered"));
+}
+
+TEST_F(TumGray, OfACameraOfItsOwnComesBesideWithItsOffsetInTime) {
+  const std::string gray = fmt::format(
+      "[gray]\nwidth_px = {}\nheight_px = {}\nfx_px = 9.0\nfy_px = 9.0\ncx_px = 3.0\n"
+      "cy_px = 2.0\nT_depth_gray = [0.025, 0, 0, 0, 0, 0, 1]\n",
+      kWidth, kHeight);
+  write_bytes(dir_ / "camera.toml", camera_toml(gray));
+  auto source = open();
+  ASSERT_TRUE(source) << source.error().what;
+  const auto frame = (*source)->next(Deadline::never());
+  ASSERT_TRUE(frame);
+  EXPECT_TRUE(frame->gray.empty());
+  ASSERT_FALSE(frame->gray_beside.pixels.empty());
+  EXPECT_EQ(frame->gray_beside.pixels.at(4, 3), 10);
+  EXPECT_DOUBLE_EQ(frame->gray_beside.camera.fx_px, 9.0);
+  EXPECT_DOUBLE_EQ(frame->gray_beside.T_depth_gray.t.x(), 0.025);
+  write_bytes(dir_ / "camera.toml", camera_toml(gray + "time_offset_s = 5.0\n"));
+  auto late = open();
+  ASSERT_TRUE(late);
+  EXPECT_TRUE((*late)->next(Deadline::never())->gray_beside.pixels.empty());
+  write_bytes(dir_ / "camera.toml", camera_toml(gray + "colour = 1\n"));
+  EXPECT_TRUE(says(open().error().what, "unknown key gray.colour"));
+}
+
 TEST_F(TumGray, GoesMissingWithADamagedImageTheFrameDoesNot) {
   truncate("rgb/20.jpg");
   auto source = open();

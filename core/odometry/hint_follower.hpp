@@ -1,0 +1,55 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+
+#include "core/base/static_vector.hpp"
+#include "core/frame/motion_hint.hpp"
+#include "core/geometry/se3.hpp"
+#include "core/odometry/odometry_config.hpp"
+
+namespace maplet {
+
+/// A motion since the last tracked frame, as somebody else measured it.
+struct HintedMotion {
+  Se3 T_last_now;
+  Matrix6d information = Matrix6d::Zero();  ///< tangent of now; a gyro knows no translation
+};
+
+/// External odometry and gyro: what they say since the last tracked frame, and whether they are to
+/// be believed. Who contradicts what was seen three frames in a row is only watched from then on,
+/// and believed again after it has agreed for a while.
+///
+/// Memory   inside the object.
+/// Math     docs/math/odometry.md, section "Motion prior"
+class HintFollower {
+ public:
+  enum Kind : std::uint8_t { kPose, kTurn };
+  static constexpr std::size_t kKinds = 2;
+
+  explicit HintFollower(const OdometryConfig& config) noexcept : config_{config} {}
+
+  /// @return whether `kind` has something to say of the motion from the last tracked frame to now
+  [[nodiscard]] bool motion(Kind kind, const MotionHint& now, HintedMotion& out) const noexcept;
+  [[nodiscard]] bool believed(Kind kind) const noexcept { return states_[kind].believed; }
+
+  /// The frame `now` was tracked: counts from here on.
+  void keep(const MotionHint& now) noexcept {
+    last_ = now;
+    known_ = true;
+  }
+  void judge(Kind kind, bool agreed) noexcept;
+
+ private:
+  struct State {
+    bool believed = true;
+    int streak = 0;  ///< of the opposite
+  };
+
+  OdometryConfig config_;
+  MotionHint last_;
+  bool known_ = false;
+  State states_[kKinds];
+};
+
+}  // namespace maplet

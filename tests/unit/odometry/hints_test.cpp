@@ -1,0 +1,109 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+// External odometry and gyro as motion priors: right, wrong, stale.
+#include <gtest/gtest.h>
+
+#include "tests/support/track_session.hpp"
+
+namespace maplet {
+namespace {
+
+using test::PatchScene;
+using test::TrackSession;
+using test::wandering;
+
+MotionHint pose_hint(const Se3& T) {
+  MotionHint hint;
+  hint.has_pose = true;
+  hint.T_external_camera = T;
+  return hint;
+}
+
+// A camera carried down a corridor: nothing along z is seen.
+Track along_the_corridor(TrackSession& session, bool with_hint) {
+  const PatchScene scene = test::corridor();
+  Track track;
+  for (int i = 0; i < 60; ++i) {
+    const Se3 truth = Se3::exp(0.02 * i * Vector6d::Unit(2));
+    // In a frame of its own, 2 % too long.
+    const Se3 external = Se3::exp(0.3 * Vector6d::Unit(4)) * Se3{truth.q, 1.02 * truth.t};
+    session.frame.motion = with_hint ? pose_hint(external) : MotionHint{};
+    track = session.step(scene, truth);
+    EXPECT_EQ(track.state, Track::State::kTracking) << i;
+  }
+  return track;
+}
+
+TEST(Hints, FillTheAxisThatNothingIsSeenAlong) {
+  TrackSession session;
+  const Track track = along_the_corridor(session, true);
+  EXPECT_NEAR(track.T_odom_camera.se3.t.z(), 1.18, 0.08);
+  ASSERT_EQ(track.free_axes.size(), 1u) << "a hint is not a sight: the axis stays named";
+  EXPECT_GT(std::abs(track.free_axes[0][2]), 0.99);
+  EXPECT_GT(session.tracker->counters().hints_used, 50u);
+  TrackSession blind;
+  const Track without = along_the_corridor(blind, false);
+  EXPECT_LT(without.T_odom_camera.se3.t.z(), 0.1);
+}
+
+TEST(Hints, OffByThirtyDegreesTheyAreRefusedAndTrackingGoesOn) {
+  const PatchScene scene = test::room();
+  TrackSession session;
+  Se3 wrong;
+  for (int i = 0; i < 90; ++i) {
+    const Se3 truth = wandering(0.033 * i);
+    if (i % 10 == 5) wrong = wrong * Se3::exp(0.52 * Vector6d::Unit(4));
+    session.frame.motion = pose_hint(wandering(0.0).inverse() * truth * wrong);
+    const Track track = session.step(scene, truth);
+    ASSERT_EQ(track.state, Track::State::kTracking) << i;
+    const Se3 error = (wandering(0.0).inverse() * truth).inverse() * track.T_odom_camera.se3;
+    ASSERT_LT(error.t.norm(), 0.01) << i;
+  }
+  EXPECT_GE(session.tracker->counters().hints_refused, 9u);
+  EXPECT_EQ(session.tracker->counters().lost, 0u);
+}
+
+TEST(Hints, StaleOnesAreDoubtedAfterAWhile) {
+  const PatchScene scene = test::room();
+  TrackSession session;
+  for (int i = 0; i < 90; ++i) {
+    const Se3 truth = wandering(0.033 * i);
+    session.frame.motion = pose_hint(i < 20 ? truth : wandering(0.033 * 20));  // froze
+    const Track track = session.step(scene, truth);
+    ASSERT_EQ(track.state, Track::State::kTracking) << i;
+    const Se3 error = (wandering(0.0).inverse() * truth).inverse() * track.T_odom_camera.se3;
+    ASSERT_LT(error.t.norm(), 0.01) << i;
+  }
+  EXPECT_GT(session.tracker->counters().hints_refused, 0u);
+}
+
+TEST(Hints, AGyroCarriesOverATurnThatNobodyExpected) {
+  const PatchScene scene = test::room();
+  TrackSession session;
+  for (int i = 0; i < 12; ++i) {
+    const Se3 truth = Se3::exp((i < 6 ? 0.0 : 0.3) * Vector6d::Unit(4));  // 17 deg at once
+    session.frame.motion = {};
+    session.frame.motion.has_turn = true;
+    session.frame.motion.q_gyro_camera = truth.q;
+    const Track track = session.step(scene, truth);
+    ASSERT_EQ(track.state, Track::State::kTracking) << i;
+    ASSERT_LT((truth.inverse() * track.T_odom_camera.se3).log().norm(), 0.02) << i;
+  }
+  EXPECT_GE(session.tracker->counters().hints_used, 5u);
+  EXPECT_EQ(session.tracker->counters().hints_refused, 0u);
+}
+
+TEST(Hints, WhatIsNotANumberIsNoHint) {
+  const PatchScene scene = test::room();
+  TrackSession session;
+  for (int i = 0; i < 10; ++i) {
+    const Se3 truth = wandering(0.033 * i);
+    session.frame.motion = pose_hint(truth);
+    if (i == 5) session.frame.motion.T_external_camera.t.x() = std::nan("");
+    const Track track = session.step(scene, truth);
+    ASSERT_EQ(track.state, Track::State::kTracking) << i;
+    ASSERT_TRUE(track.T_odom_camera.se3.t.allFinite());
+  }
+}
+
+}  // namespace
+}  // namespace maplet
