@@ -30,6 +30,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr Duration kFlushTime = 3s;
+constexpr int kMeetings = 8;  // steps of looking for common places, while no frame waits
 
 std::atomic<bool> stop_asked{false};
 
@@ -191,7 +192,7 @@ int App::open_source() {
     publish_status(StatusRecord::State::kWaitingForCamera);
     for (int i = 0; i < 10; ++i) {
       if (stop_asked) return kExitDone;
-      listen();
+      listen(kMeetings);
       std::this_thread::sleep_for(std::chrono::milliseconds{100});
     }
   }
@@ -259,7 +260,7 @@ void App::process(const DepthFrame& frame) {
   totals_.add(step);
   if (output_) output_->frame(step);
   hand_out(step.closed);
-  listen();
+  listen(1);
   if (monotonic_.now() - last_status_ >= std::chrono::seconds{1}) {
     publish_status(StatusRecord::State::kRunning);
   }
@@ -304,7 +305,7 @@ void App::open_console() {
   }
 }
 
-void App::listen() {
+void App::listen(int meetings) {
   if (console_) console_->attend(*agent_, Deadline::never());
   if (!radio_) return;
   constexpr int kAtOnce = 16;
@@ -314,6 +315,16 @@ void App::listen() {
   DeltaPoseRecord record;
   for (int i = 0; i < kAtOnce && radio_->heard(record); ++i) {
     (void)agent_->hear(restore(record), deadline);
+  }
+  MapletKey key;
+  if (const std::size_t bytes = radio_->heard_maplet(key, maplet_bytes_)) {
+    (void)agent_->hear(key, std::span{maplet_bytes_}.first(bytes));
+  }
+  for (int i = 0; i < meetings; ++i) {
+    const bool more = agent_->meet(deadline);
+    hand_out(nullptr);
+    if (!more) break;
+    radio_->stay();
   }
 }
 
@@ -325,7 +336,7 @@ void App::rest() {
   log_info(config_.input.source + " is over: exchanging until stopped");
   notify_status("recording over");
   while (!stop_asked) {
-    listen();
+    listen(kMeetings);
     if (monotonic_.now() - last_status_ >= 1s) publish_status(StatusRecord::State::kRunning);
     std::this_thread::sleep_for(50ms);
   }
@@ -337,7 +348,7 @@ int App::finish() {
     hand_out(closed);
   }
   publish_status(StatusRecord::State::kStopping);
-  if (radio_ && output_) radio_->linger(config_.exchange.linger, [this] { listen(); });
+  if (radio_ && output_) radio_->linger(config_.exchange.linger, [this] { listen(kMeetings); });
   if (publisher_ && publisher_->open() && !publisher_->flush(kFlushTime)) {
     log_warning("a subscriber did not take everything in time");
   }
@@ -415,7 +426,8 @@ bool App::draw() {
 bool App::write_report() {
   const auto path = output_->folder() / "report.json";
   std::ofstream file{path};
-  file << report_json(totals_, source_->counters(), meters_, arena_.used_bytes());
+  const auto radio = radio_ ? std::make_unique<RadioStatus>(radio_->status()) : nullptr;
+  file << report_json(totals_, source_->counters(), meters_, arena_.used_bytes(), radio.get());
   file.close();
   if (!file) log_error(path.string() + ": cannot be written; make room and run again");
   return static_cast<bool>(file);

@@ -1,6 +1,7 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -50,9 +51,9 @@ class App {
   [[nodiscard]] Read read(DepthFrame& frame);
   void process(const DepthFrame& frame);
   void hand_out(const MapletCut* closed);
-  void listen();        // to what others found out
-  void open_console();  // for mapletctl; does without it
-  void rest();          // the service has nothing to see: it goes on exchanging
+  void listen(int meetings);  // to what others found out
+  void open_console();        // for mapletctl; does without it
+  void rest();                // the service has nothing to see: it goes on exchanging
   template <class Record>
   void publish(const Record& record);
   void say_detail();  // what the source had to skip, once
@@ -87,6 +88,7 @@ class App {
   int timeouts_ = 0;  ///< in a row
   FewLines warnings_;
   std::string said_;
+  std::array<std::byte, kMaxMapletBytes> maplet_bytes_{};
 };
 
 }  // namespace maplet::daemon

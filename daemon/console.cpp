@@ -44,24 +44,57 @@ void Console::answer(Agent& agent, Deadline deadline) noexcept {
   if (!lock || !asked_ || answered_) return;
   switch (question_) {
     case Question::kClosures:
-      list_closures(agent.skeleton());
+      list_closures(agent);
       break;
     case Question::kWhy:
       look_into(agent);
+      break;
+    case Question::kAdd:
+      add_closure(agent, deadline);
       break;
   }
   answered_ = true;
   answered_cv_.notify_one();
 }
 
-void Console::list_closures(const Skeleton& skeleton) noexcept {
+void Console::list_closures(const Agent& agent) noexcept {
+  const Skeleton& skeleton = agent.skeleton();
   closure_count_ = 0;
   for (int i = 0; i < skeleton.factor_count() && closure_count_ < kMaxClosures; ++i) {
     const Skeleton::FactorView factor = skeleton.factor(i);
     if (factor.kind != DeltaPose::Kind::kClosure) continue;
-    closures_[closure_count_++] = {factor.a, factor.b, factor.chi2, factor.weight,
-                                   factor.T_a_b.t.norm()};
+    closures_[closure_count_++] = {
+        factor.a, factor.b, factor.chi2, factor.weight, factor.T_a_b.t.norm(), false};
   }
+  for (const DeltaPose& refused : agent.refused()) {
+    if (closure_count_ == kMaxClosures) return;
+    closures_[closure_count_++] = {refused.a, refused.b, 0.0, 0.0, refused.T_a_b.se3.t.norm(),
+                                   true};
+  }
+}
+
+void Console::add_closure(Agent& agent, Deadline deadline) noexcept {
+  const Skeleton& skeleton = agent.skeleton();
+  DeltaPose closure;
+  closure.kind = DeltaPose::Kind::kClosure;
+  bool found_a = false;
+  bool found_b = false;
+  for (int i = 0; i < skeleton.node_count(); ++i) {  // the latest life of each
+    const MapletKey key = skeleton.node(i).key;
+    if (key.agent == new_closure_.agent_a && key.id == new_closure_.id_a) {
+      closure.a = key;
+      found_a = true;
+    }
+    if (key.agent == new_closure_.agent_b && key.id == new_closure_.id_b) {
+      closure.b = key;
+      found_b = true;
+    }
+  }
+  added_ = AddedClosure::kUnknownMaplet;
+  if (!found_a || !found_b || closure.a == closure.b) return;
+  closure.T_a_b.se3 = new_closure_.T_a_b;
+  closure.covariance.diagonal() << 1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3;
+  added_ = agent.say(closure, deadline) ? AddedClosure::kAdded : AddedClosure::kRefused;
 }
 
 void Console::look_into(const Agent& agent) noexcept {
@@ -80,6 +113,9 @@ void Console::look_into(const Agent& agent) noexcept {
     if (node.key.agent != about_) continue;
     ++why_.nodes;
     if (own_gauge != nullptr && node.gauge == *own_gauge) ++why_.related;
+  }
+  for (const EncounterCounts& counts : agent.encounters().counts()) {
+    if (counts.agent == about_) why_.looked = counts;
   }
   for (int i = 0; i < skeleton.factor_count(); ++i) {
     const Skeleton::FactorView factor = skeleton.factor(i);

@@ -41,18 +41,27 @@ class Console {
 
  private:
   static constexpr std::size_t kMaxClosures = 1024;
-  enum class Question : std::uint8_t { kClosures, kWhy };
+  enum class Question : std::uint8_t { kClosures, kWhy, kAdd };
   struct ClosureLine {
     MapletKey a;
     MapletKey b;
     double chi2 = 0.0;
     double weight = 0.0;
     double length_m = 0.0;
+    bool refused = false;
+  };
+  struct NewClosure {
+    std::uint16_t agent_a = 0;
+    std::uint32_t id_a = 0;
+    std::uint16_t agent_b = 0;
+    std::uint32_t id_b = 0;
+    Se3 T_a_b;
   };
 
   // console.cpp: the estimator's side
   void answer(Agent& agent, Deadline deadline) noexcept;
-  void list_closures(const Skeleton& skeleton) noexcept;
+  void list_closures(const Agent& agent) noexcept;
+  void add_closure(Agent& agent, Deadline deadline) noexcept;
   void look_into(const Agent& agent) noexcept;
   /// Asks the estimator. @return false when it did not answer in time
   bool ask(Question question, int agent);
@@ -63,6 +72,7 @@ class Console {
   [[nodiscard]] std::string peers_text() const;
   [[nodiscard]] std::string why_text(int agent);
   [[nodiscard]] std::string closures_text();
+  [[nodiscard]] std::string add_text(const std::string& line);
   [[nodiscard]] std::string radio_text(const std::string& what);
 
   AgentIdentity identity_;
@@ -84,7 +94,11 @@ class Console {
     std::uint32_t related = 0;        ///< of these in one group with ours
     std::uint32_t closures = 0;       ///< between the two
     std::uint32_t closures_kept = 0;  ///< of these with weight
+    EncounterCounts looked;           ///< how its maplets compare with ours
   } why_;
+
+  NewClosure new_closure_;
+  enum class AddedClosure : std::uint8_t { kAdded, kRefused, kUnknownMaplet } added_{};
 
   std::unique_ptr<ControlServer> server_;
 };

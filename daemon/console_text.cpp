@@ -1,6 +1,7 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
 #include "core/ports/stage_meter.hpp"
@@ -101,6 +102,7 @@ std::string Console::reply(const std::string& line) {
   if (command == "status") return status_text();
   if (command == "peers") return peers_text();
   if (command == "closures") return closures_text();
+  if (command == "add") return add_text(line);
   if (command == "radio") return radio_text(question.value("state", std::string{}));
   if (command == "why" && agent.is_number_integer()) return why_text(agent.get<int>());
   return error("mapletd does not know '" + command + "': mapletctl is newer, or older").dump();
@@ -174,6 +176,11 @@ std::string Console::why_text(int agent) {
   if (!ask(Question::kWhy, agent)) return error("the estimator did not answer within 3 s").dump();
   json["maplets_in_skeleton"] = why_.nodes;
   json["closures"] = {{"between", why_.closures}, {"kept", why_.closures_kept}};
+  json["compared"] = {{"maplets", why_.looked.maplets},
+                      {"pairs", why_.looked.pairs},
+                      {"accepted", why_.looked.accepted},
+                      {"best_overlap", why_.looked.best_overlap},
+                      {"last_reason", why_.looked.reason}};
   const bool merged = why_.related > 0;
   json["merged"] = merged;
   std::string reason;
@@ -186,7 +193,10 @@ std::string Console::why_text(int agent) {
     reason = json["heard"] ? "heard, but none of its delta-poses is here yet"
                            : "never heard, and nobody relayed anything of it";
   } else if (why_.closures == 0) {
-    reason = "no place was seen by both: no closure between its maplets and ours";
+    reason = fmt::format(
+        "no place was found that both saw; {} of its maplets compared, {} pairs, "
+        "the last one: {}",
+        why_.looked.maplets, why_.looked.pairs, why_.looked.reason);
   } else {
     reason = "all closures between the two are rejected";
   }
@@ -205,9 +215,41 @@ std::string Console::closures_text() {
                     {"b", key_json(line.b)},
                     {"length_m", line.length_m},
                     {"chi2", line.chi2},
-                    {"weight", line.weight}});
+                    {"weight", line.weight},
+                    {"rejected", line.refused || line.weight < 1e-3}});
   }
   return json.dump();
+}
+
+std::string Console::add_text(const std::string& line) {
+  const Json q = Json::parse(line, nullptr, false);
+  const Json pose = q.value("T_a_b", Json{});
+  const bool numbers =
+      pose.is_array() && pose.size() == 7 &&
+      std::all_of(pose.begin(), pose.end(), [](const Json& v) { return v.is_number(); });
+  for (const char* key : {"agent_a", "id_a", "agent_b", "id_b"}) {
+    if (!numbers || !q.value(key, Json{}).is_number_unsigned()) {
+      return error("closure add: two maplets AGENT:ID and seven numbers of T_a_b").dump();
+    }
+  }
+  NewClosure closure;
+  closure.agent_a = q["agent_a"].get<std::uint16_t>();
+  closure.id_a = q["id_a"].get<std::uint32_t>();
+  closure.agent_b = q["agent_b"].get<std::uint16_t>();
+  closure.id_b = q["id_b"].get<std::uint32_t>();
+  closure.T_a_b.t = {pose[0].get<double>(), pose[1].get<double>(), pose[2].get<double>()};
+  closure.T_a_b.q = {pose[6].get<double>(), pose[3].get<double>(), pose[4].get<double>(),
+                     pose[5].get<double>()};
+  {
+    const std::scoped_lock lock{question_mutex_};
+    new_closure_ = closure;
+  }
+  if (closure.T_a_b.q.norm() < 0.5) return error("closure add: that is no rotation").dump();
+  if (!ask(Question::kAdd, 0)) return error("the estimator did not answer within 3 s").dump();
+  if (added_ == AddedClosure::kUnknownMaplet) {
+    return error("closure add: the skeleton does not have both maplets").dump();
+  }
+  return Json{{"added", added_ == AddedClosure::kAdded}}.dump();
 }
 
 std::string Console::radio_text(const std::string& what) {

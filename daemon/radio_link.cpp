@@ -243,7 +243,8 @@ void RadioLink::note_status(Instant now) noexcept {
   const auto present = [&](const Peer& peer) { return now - peer.last_heard < kPresent; };
   const bool company = std::ranges::any_of(node_->peers(), present);
   if ((touched_.exchange(false) || busy) && company) busy_at_ = now;
-  at_rest_ = !company || now - busy_at_ > kRest;
+  if (node_->silent()) busy_at_ = now;  // they will be heard when that ends
+  at_rest_ = (!company && !node_->silent()) || now - busy_at_ > kRest;
 
   settled_ = node_->settled(now) && delta_poses_in_.read_available() == 0;
 

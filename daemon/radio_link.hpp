@@ -80,6 +80,8 @@ class RadioLink final : private RecordTaker, private FrameTaker {
   void set_near(std::span<const MapletKey> keys) noexcept;
 
   void set_silent(bool silent) noexcept { silent_ = silent; }
+  /// Something is still being worked at: linger().
+  void stay() noexcept { touched_ = true; }
   [[nodiscard]] bool open() const noexcept { return open_; }
   /// Everybody heard holds the same records, and all are taken in here.
   [[nodiscard]] bool settled() const noexcept { return settled_; }

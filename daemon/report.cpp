@@ -30,6 +30,20 @@ double mean(std::uint64_t sum, std::uint64_t count) {
   return count == 0 ? 0.0 : static_cast<double>(sum) / static_cast<double>(count);
 }
 
+Json exchange_json(const RadioStatus& radio) {
+  return {{"agents_heard", radio.peer_count},
+          {"wire_bytes", radio.wire_bytes},
+          {"dds_bytes", radio.dds_bytes},
+          {"delta_pose_bytes", radio.lane_bytes[0]},
+          {"closure_bytes", radio.lane_bytes[1]},
+          {"range_bytes", radio.lane_bytes[2]},
+          {"control_bytes", radio.lane_bytes[3]},
+          {"maplet_bytes", radio.lane_bytes[4]},
+          {"records", radio.records},
+          {"received", radio.counters.received},
+          {"maplets_received", radio.maplets.received}};
+}
+
 Json memory_json(std::size_t arena_bytes) {
   Json memory{{"arena_bytes", arena_bytes}, {"peak_rss_bytes", peak_rss_bytes()}};
   if (allocation_counting_available()) {
@@ -51,7 +65,8 @@ std::size_t peak_rss_bytes() noexcept {
 }
 
 std::string report_json(const RunTotals& totals, const SourceCounters& source,
-                        const StageMeters& meters, std::size_t arena_bytes) {
+                        const StageMeters& meters, std::size_t arena_bytes,
+                        const RadioStatus* radio) {
   Json report;
   report["version"] = MAPLET_VERSION;
   report["complete"] = totals.complete;
@@ -76,6 +91,7 @@ std::string report_json(const RunTotals& totals, const SourceCounters& source,
       {"unrelated", totals.unrelated},
       {"payload_bytes_mean", totals.delta_poses == 0 ? 0 : kDeltaPosePayloadBytes}};
   report["memory"] = memory_json(arena_bytes);
+  if (radio != nullptr && radio->peer_count > 0) report["exchange"] = exchange_json(*radio);
   return report.dump(2) + "\n";
 }
 

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "core/ports/depth_source.hpp"
+#include "daemon/radio_link.hpp"
 #include "daemon/run_totals.hpp"
 #include "daemon/stage_stats.hpp"
 
@@ -19,8 +20,9 @@ struct MemoryFigures {
 /// Peak resident memory of this process so far.
 [[nodiscard]] std::size_t peak_rss_bytes() noexcept;
 
-/// report.json (docs/output.md). Allocates: only after the run.
+/// report.json (docs/output.md). `radio`: nullptr without DDS. Allocates: only after the run.
 [[nodiscard]] std::string report_json(const RunTotals& totals, const SourceCounters& source,
-                                      const StageMeters& meters, std::size_t arena_bytes);
+                                      const StageMeters& meters, std::size_t arena_bytes,
+                                      const RadioStatus* radio);
 
 }  // namespace maplet::daemon

@@ -145,6 +145,28 @@ void write_g2o(OutputFile& file, const Skeleton& skeleton, const AgentIdentity& 
   }
 }
 
+/// skeleton_alone.g2o: this agent's path as it would be without closures and without the others, in
+/// its own first maplet's frame: the map before a meeting.
+void write_alone(OutputFile& file, const Skeleton& skeleton, const AgentIdentity& self) {
+  std::map<std::uint32_t, Se3> poses;
+  std::string edges;
+  for (int i = 0; i < skeleton.factor_count(); ++i) {  // in order of arrival: of the path
+    const Skeleton::FactorView factor = skeleton.factor(i);
+    if (factor.kind != DeltaPose::Kind::kConsecutive || !is_own(factor.a, self)) continue;
+    const Se3 a = poses.try_emplace(factor.a.id).first->second;
+    poses[factor.b.id] = a * factor.T_a_b;
+    edges +=
+        fmt::format("EDGE_SE3:QUAT {} {} {}", factor.a.id, factor.b.id, g2o_pose(factor.T_a_b));
+    for (int k = 0; k < 21; ++k)
+      edges += k == 0 || k == 6 || k == 11 || k == 15 || k == 18 || k == 20 ? " 1" : " 0";
+    edges += "\n";
+  }
+  for (const auto& [id, pose] : poses) {
+    file.append(fmt::format("VERTEX_SE3:QUAT {} {}\n", id, g2o_pose(pose)));
+  }
+  file.append(edges);
+}
+
 }  // namespace
 
 tl::expected<std::unique_ptr<RunOutput>, std::string> RunOutput::create(const std::string& folder) {
@@ -157,8 +179,8 @@ tl::expected<std::unique_ptr<RunOutput>, std::string> RunOutput::create(const st
       if (entry.path().extension() == ".maplet") fs::remove(entry.path(), error);
     }
   }
-  for (const char* name :
-       {"trajectory.tum", "skeleton.g2o", "map.ply", "map.svg", "map.png", "report.json"}) {
+  for (const char* name : {"trajectory.tum", "skeleton.g2o", "skeleton_alone.g2o", "map.ply",
+                           "map.svg", "map.png", "report.json"}) {
     if (!error) fs::remove(output->folder_ / name, error);
   }
   const bool opened = !error &&
@@ -220,6 +242,11 @@ tl::expected<void, std::string> RunOutput::finish(const Agent& agent) {
   write_g2o(skeleton, agent.skeleton(), agent.identity());
   skeleton.close();
   note(skeleton);
+  OutputFile alone;
+  alone.open((folder_ / "skeleton_alone.g2o").c_str());
+  write_alone(alone, agent.skeleton(), agent.identity());
+  alone.close();
+  note(alone);
   std::error_code ignored;
   std::filesystem::remove(frames_path, ignored);
   if (error_ != 0) {

@@ -7,6 +7,12 @@ namespace maplet {
 
 namespace {
 
+// A closure that is further than this from what the skeleton says is no measurement of it, whatever
+// the drift.
+constexpr double kFar_m = 1.5;
+constexpr double kDriftPerNode_m = 0.03;
+constexpr double kTurned_rad = 0.5;
+
 Duration share_of(const FrameConfig& frame, double share) noexcept {
   return Duration{static_cast<Duration::rep>(static_cast<double>(frame.budget.count()) * share)};
 }
@@ -32,6 +38,11 @@ Agent::Agent(const AgentConfig& config, AgentIdentity identity, StageMeter& mete
       skeleton_{config.skeleton, arena},
       store_{static_cast<std::size_t>(config.limits.own_maplets),
              static_cast<std::size_t>(config.maplet.max_bytes), arena},
+      encounters_{config.registration,
+                  {static_cast<std::size_t>(config.limits.own_maplets),
+                   static_cast<std::size_t>(config.limits.foreign_maplets),
+                   static_cast<std::size_t>(config.maplet.max_bytes)},
+                  arena},
       previous_{arena.make<Maplet>("agent/previous maplet")},
       older_{arena.make<Maplet>("agent/older maplet")} {
   builder_.identify(identity.agent, identity.epoch, 0);
@@ -66,8 +77,38 @@ const MapletCut* Agent::finish(Deadline deadline) noexcept {
 }
 
 Added Agent::hear(const DeltaPose& record, Deadline deadline) noexcept {
+  if (record.kind == DeltaPose::Kind::kClosure && contradicts(record)) {
+    if (!full(refused_)) refused_.push_back(record);
+    ++refused_closures_;
+    return Added::kBadMeasurement;
+  }
   return timed(Stage::kSkeleton, budget_.skeleton, deadline,
                [&](Deadline until) { return skeleton_.add(record, until); });
+}
+
+bool Agent::say(const DeltaPose& closure, Deadline deadline) noexcept {
+  const auto record = records_.put(closure);
+  return record && hear(*record, deadline) == Added::kLinked;
+}
+
+bool Agent::contradicts(const DeltaPose& closure) const noexcept {
+  const Se3* a = skeleton_.pose(closure.a);
+  const Se3* b = skeleton_.pose(closure.b);
+  if (a == nullptr || b == nullptr) return false;
+  if (skeleton_.gauge(closure.a) != skeleton_.gauge(closure.b)) return false;
+  const Se3 apart = (a->inverse() * *b).inverse() * closure.T_a_b.se3;
+  return apart.t.norm() > kFar_m + kDriftPerNode_m * skeleton_.node_count() ||
+         apart.angle() > kTurned_rad;
+}
+
+bool Agent::meet(Deadline deadline) noexcept {
+  if (!encounters_.busy()) return false;
+  const MapletKey self{identity_.agent, identity_.epoch, 0};
+  const auto found =
+      timed(Stage::kRegistration, budget_.registration, deadline,
+            [&](Deadline until) { return encounters_.work(skeleton_, store_, self, until); });
+  for (const DeltaPose& closure : found) (void)say(closure, deadline);
+  return encounters_.busy();
 }
 
 void Agent::take(const MapletCut& closed, Deadline deadline) noexcept {
@@ -81,6 +122,7 @@ void Agent::take(const MapletCut& closed, Deadline deadline) noexcept {
     record_and_add(link, deadline);
   }
   close_loops(closed.maplet, deadline);
+  encounters_.add_own(closed.maplet);
   *previous_ = closed.maplet;
 }
 

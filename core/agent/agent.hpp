@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "core/agent/agent_config.hpp"
+#include "core/agent/encounters.hpp"
 #include "core/agent/maplet_store.hpp"
 #include "core/base/arena.hpp"
 #include "core/frame/decimator.hpp"
@@ -51,8 +52,26 @@ class Agent {
   /// @return it, or nullptr when there is nothing new
   const MapletCut* finish(Deadline deadline) noexcept;
 
-  /// Takes in what another agent found out: its delta-pose or closure, as everybody reads it.
+  /// Takes in what another agent found out: its delta-pose or closure, as everybody reads it. A
+  /// closure far from what the skeleton says already is refused: kBadMeasurement.
   Added hear(const DeltaPose& record, Deadline deadline) noexcept;
+
+  /// A maplet of another agent arrived, encoded. @return false when it is known or makes no sense
+  bool hear(const MapletKey& key, std::span<const std::byte> bytes) noexcept {
+    return encounters_.hear(key, bytes);
+  }
+  /// Looks for places that others have seen, too, a step: between frames, or while there are none.
+  /// What it finds goes to the RecordSink, as in step().
+  /// @return whether there is more to look at
+  bool meet(Deadline deadline) noexcept;
+  /// Makes a record of a closure that somebody else vouches for (an operator), and hears it.
+  bool say(const DeltaPose& closure, Deadline deadline) noexcept;
+  /// Closures refused so far, the first of them; and how many in all.
+  [[nodiscard]] std::span<const DeltaPose> refused() const noexcept {
+    return {refused_.data(), refused_.size()};
+  }
+  [[nodiscard]] std::uint64_t refused_closures() const noexcept { return refused_closures_; }
+  [[nodiscard]] const Encounters& encounters() const noexcept { return encounters_; }
 
   [[nodiscard]] const AgentIdentity& identity() const noexcept { return identity_; }
   [[nodiscard]] const Skeleton& skeleton() const noexcept { return skeleton_; }
@@ -73,6 +92,8 @@ class Agent {
   void close_loops(const Maplet& newest, Deadline deadline) noexcept;
   void record_and_add(const DeltaPose& delta, Deadline deadline) noexcept;
 
+  [[nodiscard]] bool contradicts(const DeltaPose& closure) const noexcept;
+
   AgentIdentity identity_;
   Budget budget_;
   StageMeter& meter_;
@@ -85,6 +106,9 @@ class Agent {
   ClosureFinder closures_;
   Skeleton skeleton_;
   MapletStore store_;
+  Encounters encounters_;
+  StaticVector<DeltaPose, 64> refused_;
+  std::uint64_t refused_closures_ = 0;
   Arena::Owned<Maplet> previous_;  ///< the maplet before the newest
   Arena::Owned<Maplet> older_;     ///< one that a closure is tried with
 };

@@ -36,10 +36,13 @@ struct FrameConfig {
 /// What is kept. Sizes the arena.
 struct LimitsConfig {
   int own_maplets = 512;
+  int foreign_maplets = 1024;
 
   static constexpr Field<LimitsConfig> kFields[] = {
       {"own_maplets", &LimitsConfig::own_maplets, 2, 65536,
        "Maplets of this agent kept in memory; beyond it the oldest goes, counted"},
+      {"foreign_maplets", &LimitsConfig::foreign_maplets, 1, 65536,
+       "Maplets of other agents kept to find common places; beyond it the oldest goes"},
   };
 };
 

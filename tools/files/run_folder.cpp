@@ -21,7 +21,10 @@ namespace fs = std::filesystem;
   return fs::exists(file) ? eval::read_tum(file) : eval::Trajectory{};
 }
 
-/// Vertices and edges; other lines (FIX, comments) are of no use here.
+/// From here on vertices are other agents' (docs/output.md): their own folders tell of them.
+constexpr std::uint32_t kForeign = 1'000'000;
+
+/// Own vertices and edges; other lines (FIX, comments) are of no use here.
 void read_skeleton(const fs::path& file, Run& run) {
   std::ifstream in{file};
   std::string line;
@@ -36,14 +39,14 @@ void read_skeleton(const fs::path& file, Run& run) {
       words >> id >> t.x() >> t.y() >> t.z() >> q.x() >> q.y() >> q.z() >> q.w();
       if (words && std::abs(q.norm() - 1.0) < 0.01) {
         q.normalize();
-        run.nodes[id] = pose;
+        if (id < kForeign) run.nodes[id] = pose;
         continue;
       }
     } else if (tag == "EDGE_SE3:QUAT") {
       RunEdge edge;
       words >> edge.a >> edge.b;
       if (words) {
-        run.edges.push_back(edge);
+        if (edge.a < kForeign && edge.b < kForeign) run.edges.push_back(edge);
         continue;
       }
     } else {

@@ -2,6 +2,9 @@
 // What is asked of a running daemon: status, peers, why, closure, radio.
 #include <fmt/core.h>
 
+#include <cstdio>
+#include <vector>
+
 #include "tools/mapletctl/ask.hpp"
 
 namespace maplet::ctl {
@@ -67,7 +70,7 @@ void print_closures(const Json& closures) {
   for (const Json& c : closures) {
     fmt::print("{} <closure> {}  {:.2f} m  chi2 {:.1f}  weight {:.2f}{}\n", maplet_name(c["a"]),
                maplet_name(c["b"]), c["length_m"].get<double>(), c["chi2"].get<double>(),
-               c["weight"].get<double>(), c["weight"].get<double>() < 1e-3 ? "  rejected" : "");
+               c["weight"].get<double>(), c["rejected"].get<bool>() ? "  rejected" : "");
   }
 }
 
@@ -117,6 +120,41 @@ void add_why(CLI::App& app) {
   });
 }
 
+Json maplet_of(const std::string& text, const char* agent, const char* id) {
+  unsigned numbers[2] = {};
+  char rest = 0;
+  if (std::sscanf(text.c_str(), "%u:%u%c", &numbers[0], &numbers[1], &rest) != 2) {
+    throw Failure{text + ": a maplet is AGENT:ID, as closure list prints it", 2};
+  }
+  return {{agent, numbers[0]}, {id, numbers[1]}};
+}
+
+void add_closure_add(CLI::App& closure) {
+  struct Add : Asked {
+    std::string a, b;
+    std::vector<double> pose;
+  };
+  auto asked = std::make_shared<Add>();
+  auto* sub = closure.add_subcommand(
+      "add", "Says that two maplets show one place: a closure as if the agent had found it");
+  sub->add_option("A", asked->a, "AGENT:ID")->required();
+  sub->add_option("B", asked->b, "AGENT:ID")->required();
+  sub->add_option("T_a_b", asked->pose, "x,y,z,qx,qy,qz,qw: maps b into a")
+      ->required()
+      ->delimiter(',')
+      ->expected(7);
+  add_daemon_options(*sub, std::shared_ptr<Daemon>{asked, &asked->daemon});
+  sub->callback([asked] {
+    Json question{{"command", "add"}, {"T_a_b", asked->pose}};
+    question.update(maplet_of(asked->a, "agent_a", "id_a"));
+    question.update(maplet_of(asked->b, "agent_b", "id_b"));
+    const Json answer = ask(asked->daemon, question);
+    fmt::print("{}\n", answer["added"].get<bool>()
+                           ? "added"
+                           : "sent out as a record, but it contradicts the skeleton: rejected");
+  });
+}
+
 void add_radio(CLI::App& app) {
   auto asked = std::make_shared<Asked>();
   auto state = std::make_shared<std::string>();
@@ -140,10 +178,11 @@ void add_daemon_commands(CLI::App& app) {
                  for (const Json& peer : peers) print_peer(peer);
                  if (peers.empty()) fmt::print("nobody was heard yet\n");
                });
-  auto* closure = app.add_subcommand("closure", "Places seen again: list");
+  auto* closure = app.add_subcommand("closure", "Places seen again: list, add");
   closure->require_subcommand(1);
   add_question(*closure, "list", "The closures in the skeleton, with residual and weight",
                "closures", print_closures);
+  add_closure_add(*closure);
   add_why(app);
   add_radio(app);
 }

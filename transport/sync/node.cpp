@@ -125,10 +125,11 @@ Waiting ExchangeNode::waiting(Instant now) noexcept {
   if (!owed_[0].empty()) waiting.set(Traffic::kDeltaPoses);
   if (!owed_[1].empty()) waiting.set(Traffic::kClosures);
   if (!owed_[2].empty()) waiting.set(Traffic::kRanges);
-  if (now >= say_at_ || requests_due(now) || trade_.offers() || trade_.wants(taker_, now)) {
+  if (now >= say_at_ || requests_due(now) || trade_.offers() ||
+      (now >= maplets_from_ && trade_.wants(taker_, now))) {
     waiting.set(Traffic::kControl);
   }
-  if (trade_.owes()) waiting.set(Traffic::kMaplets);
+  if (trade_.owes() && now >= maplets_from_) waiting.set(Traffic::kMaplets);
   return waiting;
 }
 
@@ -222,7 +223,7 @@ bool ExchangeNode::fill_records(DatagramWriter& out, RecordContext& context, Ran
 bool ExchangeNode::fill_control(DatagramWriter& out, Instant now) noexcept {
   bool any = write_requests(out, now);
   while (trade_.write_offer(out)) any = true;
-  while (trade_.write_request(out, taker_, now)) any = true;
+  while (now >= maplets_from_ && trade_.write_request(out, taker_, now)) any = true;
   if (now < say_at_) return any;
   const bool same = all_in_sync(now);
   any = write_beacon(out, false, now) || any;

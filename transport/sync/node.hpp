@@ -156,7 +156,8 @@ class ExchangeNode {
   std::optional<Life> digest_after_;  ///< the digest goes on behind this life
   Instant say_at_{};                  ///< digest or beacon
   Instant said_at_{};
-  Duration calm_{};  ///< the present interval while nothing happens
+  Instant maplets_from_{};  ///< somebody is heard again: maplets wait until then
+  Duration calm_{};         ///< the present interval while nothing happens
   Instant changed_at_{};
   std::uint16_t count_ = 0;
   std::uint64_t random_;

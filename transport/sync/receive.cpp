@@ -36,6 +36,7 @@ void ExchangeNode::receive(std::span<const std::byte> bytes, Instant now) noexce
   const bool again = before == nullptr || now - before->last_heard > kSilence;
   Peer& peer = peers_.heard(head, bytes.size(), now);
   if (again && !(in_sync(peer) && before != nullptr)) say_by(now + kSoon + jitter(kSoon * 4));
+  if (again) maplets_from_ = now + 5 * profile_.quick;  // records first
 
   RecordContext context{head.sender.agent, head.sender.epoch};
   bool readable = true;

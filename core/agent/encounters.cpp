@@ -1,0 +1,194 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#include "core/agent/encounters.hpp"
+
+#include <algorithm>
+
+#include "core/maplet/codec.hpp"
+
+namespace maplet {
+
+namespace {
+
+constexpr double kSame_m = 0.5;  // two pairs that vouch for each other, drift between them included
+constexpr double kSame_rad = 0.1;
+constexpr double kContradiction_m = 1.0;  // from what the skeleton says already
+constexpr double kContradiction_rad = 0.3;
+constexpr std::size_t kTried = 6;  // candidates of one maplet that are verified
+
+/// As the skeleton has it, of maplets in one group.
+class SkeletonRelations final : public PlaceRelations {
+ public:
+  explicit SkeletonRelations(const Skeleton& skeleton) noexcept : skeleton_{skeleton} {}
+  [[nodiscard]] bool relate(const MapletKey& x, const MapletKey& y,
+                            Se3& T_x_y) const noexcept override {
+    const Se3* at_x = skeleton_.pose(x);
+    const Se3* at_y = skeleton_.pose(y);
+    if (at_x == nullptr || at_y == nullptr || skeleton_.gauge(x) != skeleton_.gauge(y))
+      return false;
+    T_x_y = at_x->inverse() * *at_y;
+    return true;
+  }
+
+ private:
+  const Skeleton& skeleton_;
+};
+
+/// Whether another pair, of two other maplets of the same two agents, puts the agents to each other
+/// as h does. Neighbours of one maplet see the same wrong place as it does: they do not count.
+bool says_the_same(const PlaceHypothesis& h, const PlaceHypothesis& other,
+                   const SkeletonRelations& relations) noexcept {
+  const bool turned = other.a.agent == h.b.agent && other.a.epoch == h.b.epoch;
+  const MapletKey& a = turned ? other.b : other.a;
+  const MapletKey& b = turned ? other.a : other.b;
+  Se3 T_a_b = other.alignment.T_a_b.se3;
+  if (turned) T_a_b = T_a_b.inverse();
+  Se3 T_ha_a;
+  Se3 T_b_hb;
+  if (a == h.a || b == h.b || !relations.relate(h.a, a, T_ha_a) ||
+      !relations.relate(b, h.b, T_b_hb)) {
+    return false;
+  }
+  const Se3 apart = h.alignment.T_a_b.se3.inverse() * (T_ha_a * T_a_b * T_b_hb);
+  return apart.t.norm() < kSame_m && apart.angle() < kSame_rad;
+}
+
+bool is_own(const MapletKey& key, const MapletKey& self) noexcept {
+  return key.agent == self.agent && key.epoch == self.epoch;
+}
+
+}  // namespace
+
+Encounters::Encounters(const RegistrationConfig& config, const Capacity& capacity, Arena& arena)
+    : foreign_{capacity.foreign, capacity.maplet_bytes, arena},
+      index_{capacity.own + capacity.foreign, arena},
+      verifier_{config, kHypotheses, arena},
+      a_{arena.make<Maplet>("agent/a place")},
+      b_{arena.make<Maplet>("agent/another place")} {}
+
+void Encounters::wait(const MapletKey& key) noexcept {
+  if (waiting_count_ == kWaiting) {  // the oldest was in view longest
+    waiting_first_ = (waiting_first_ + 1) % kWaiting;
+    --waiting_count_;
+  }
+  waiting_[(waiting_first_ + waiting_count_++) % kWaiting] = key;
+}
+
+bool Encounters::hear(const MapletKey& key, std::span<const std::byte> bytes) noexcept {
+  if (foreign_.find(key) || !decode(bytes, *a_) || a_->key != key) return false;
+  if (!foreign_.put(key, bytes)) return false;
+  index_.add(*a_);
+  wait(key);
+  return true;
+}
+
+void Encounters::add_own(const Maplet& maplet) noexcept {
+  index_.add(maplet);
+  if (foreign_.count() > 0) wait(maplet.key);
+}
+
+bool Encounters::load(const MapletKey& key, const MapletStore& own, const MapletKey& self,
+                      Maplet& out) const noexcept {
+  const auto bytes = is_own(key, self) ? own.find(key.id) : foreign_.find(key);
+  return bytes && decode(*bytes, out) && out.key == key;
+}
+
+Encounters::Found Encounters::work(const Skeleton& skeleton, const MapletStore& own, MapletKey self,
+                                   Deadline deadline) noexcept {
+  if (!busy() || deadline.expired()) return {};
+  if (!asking_) {
+    ask(own, self, deadline);
+    return {};
+  }
+  if (next_candidate_ < candidates_.size()) {
+    verify(own, self, deadline);
+    return {};
+  }
+  asking_ = false;
+  return judge(skeleton, self);
+}
+
+void Encounters::ask(const MapletStore& own, const MapletKey& self, Deadline deadline) noexcept {
+  const MapletKey key = waiting_[waiting_first_];
+  waiting_first_ = (waiting_first_ + 1) % kWaiting;
+  --waiting_count_;
+  if (!load(key, own, self, *b_)) return;
+  if (!is_own(key, self)) ++counts_of(key.agent).maplets;
+  candidates_ = index_.query(*b_, key.agent, deadline);
+  if (candidates_.size() > kTried) candidates_.resize(kTried);
+  next_candidate_ = 0;
+  asking_ = true;
+}
+
+void Encounters::verify(const MapletStore& own, const MapletKey& self, Deadline deadline) noexcept {
+  const PlaceCandidate& candidate = candidates_[next_candidate_++];
+  if (!load(candidate.key, own, self, *a_)) return;
+  if (verifier_.hypotheses().size() + PlaceVerifier::kPerPair > kHypotheses) verifier_.clear();
+  (void)verifier_.add(*a_, *b_, candidate.guesses, deadline);
+}
+
+Encounters::Found Encounters::judge(const Skeleton& skeleton, const MapletKey& self) noexcept {
+  verifier_.judge(SkeletonRelations{skeleton});
+  Found found;
+  for (const PlaceHypothesis& h : verifier_.hypotheses()) {
+    const bool fresh = h.b == b_->key || h.a == b_->key;
+    if (fresh) {
+      EncounterCounts& counts = counts_of(is_own(h.a, self) ? h.b.agent : h.a.agent);
+      ++counts.pairs;
+      counts.best_overlap = std::max(counts.best_overlap, h.alignment.overlap);
+      counts.reason = h.judgement.reason;
+    }
+    // One closure a pair of maplets, and later ones may vouch for earlier ones.
+    if (h.judgement.verdict != Verdict::kAccept || full(found)) continue;
+    if (!trusted(h, skeleton) || linked(skeleton, h.a, h.b)) continue;
+    const bool twice = std::any_of(found.begin(), found.end(), [&](const DeltaPose& other) {
+      return other.a == h.a && other.b == h.b;
+    });
+    if (twice) continue;
+    ++counts_of(is_own(h.a, self) ? h.b.agent : h.a.agent).accepted;
+    DeltaPose closure;
+    closure.kind = DeltaPose::Kind::kClosure;
+    closure.a = h.a;
+    closure.b = h.b;
+    closure.stamp_a = h.stamp_a;
+    closure.stamp_b = h.stamp_b;
+    closure.T_a_b = h.alignment.T_a_b;
+    closure.covariance = h.alignment.covariance;
+    closure.overlap = static_cast<float>(h.alignment.overlap);
+    closure.matches = h.alignment.matches;
+    found.push_back(closure);
+  }
+  return found;
+}
+
+bool Encounters::trusted(const PlaceHypothesis& h, const Skeleton& skeleton) const noexcept {
+  const SkeletonRelations relations{skeleton};
+  Se3 T_a_b;
+  if (relations.relate(h.a, h.b, T_a_b)) {
+    const Se3 apart = T_a_b.inverse() * h.alignment.T_a_b.se3;
+    return apart.t.norm() < kContradiction_m && apart.angle() < kContradiction_rad;
+  }
+  return std::ranges::any_of(verifier_.hypotheses(), [&](const PlaceHypothesis& other) {
+    return other.judgement.verdict == Verdict::kAccept && says_the_same(h, other, relations);
+  });
+}
+
+bool Encounters::linked(const Skeleton& skeleton, const MapletKey& a,
+                        const MapletKey& b) const noexcept {
+  for (int i = 0; i < skeleton.factor_count(); ++i) {
+    const Skeleton::FactorView factor = skeleton.factor(i);
+    if ((factor.a == a && factor.b == b) || (factor.a == b && factor.b == a)) return true;
+  }
+  return false;
+}
+
+EncounterCounts& Encounters::counts_of(std::uint16_t agent) noexcept {
+  for (EncounterCounts& counts : counts_) {
+    if (counts.agent == agent) return counts;
+  }
+  if (full(counts_)) counts_.erase(counts_.begin());
+  counts_.emplace_back();
+  counts_.back().agent = agent;
+  return counts_.back();
+}
+
+}  // namespace maplet

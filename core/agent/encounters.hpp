@@ -1,0 +1,99 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <string_view>
+
+#include "core/agent/foreign_maplets.hpp"
+#include "core/agent/maplet_store.hpp"
+#include "core/base/arena.hpp"
+#include "core/base/deadline.hpp"
+#include "core/base/static_vector.hpp"
+#include "core/registration/delta_pose.hpp"
+#include "core/registration/place_index.hpp"
+#include "core/registration/place_verifier.hpp"
+#include "core/skeleton/skeleton.hpp"
+
+namespace maplet {
+
+/// How matching with one other agent went.
+struct EncounterCounts {
+  std::uint16_t agent = 0;
+  std::uint32_t maplets = 0;  ///< of it that were looked at
+  std::uint32_t pairs = 0;    ///< with ours, verified
+  std::uint32_t accepted = 0;
+  double best_overlap = 0.0;
+  std::string_view reason = "no maplet of it was compared yet";  ///< of the latest verdict
+};
+
+/// Places that other agents have seen, too: their maplets are kept, and compared with ours without
+/// knowing how the agents lie to each other.
+///
+/// A wrong closure between two maps bends both. So one pair alone is not believed: another, of two
+/// other maplets, must say the same; and once the skeleton relates the two, it must not contradict.
+///
+/// Memory   foreign maplets, a place index over both sides, a verifier: in the arena.
+/// Time     work(): one query or one verification a call, cut by its deadline
+/// Threads  one
+class Encounters {
+ public:
+  static constexpr std::size_t kFound = 8;
+  using Found = StaticVector<DeltaPose, kFound>;
+
+  struct Capacity {
+    std::size_t own = 512;
+    std::size_t foreign = 1024;
+    std::size_t maplet_bytes = 8192;
+  };
+
+  Encounters(const RegistrationConfig& config, const Capacity& capacity, Arena& arena);
+
+  /// A maplet of another agent arrived. @return false when it is known or makes no sense
+  bool hear(const MapletKey& key, std::span<const std::byte> bytes) noexcept;
+  /// This agent cut a maplet.
+  void add_own(const Maplet& maplet) noexcept;
+
+  /// Something waits to be compared.
+  [[nodiscard]] bool busy() const noexcept { return waiting_count_ > 0 || asking_; }
+  /// Goes on comparing, a step. @return accepted closures between two agents, new ones
+  [[nodiscard]] Found work(const Skeleton& skeleton, const MapletStore& own, MapletKey self,
+                           Deadline deadline) noexcept;
+
+  [[nodiscard]] std::span<const EncounterCounts> counts() const noexcept {
+    return {counts_.data(), counts_.size()};
+  }
+  [[nodiscard]] std::uint64_t foreign_maplets() const noexcept { return foreign_.count(); }
+
+ private:
+  static constexpr std::size_t kWaiting = 256;
+  static constexpr std::size_t kHypotheses = 512;
+  static constexpr std::size_t kAgents = 32;
+
+  [[nodiscard]] bool load(const MapletKey& key, const MapletStore& own, const MapletKey& self,
+                          Maplet& out) const noexcept;
+  void wait(const MapletKey& key) noexcept;
+  void ask(const MapletStore& own, const MapletKey& self, Deadline deadline) noexcept;
+  void verify(const MapletStore& own, const MapletKey& self, Deadline deadline) noexcept;
+  [[nodiscard]] Found judge(const Skeleton& skeleton, const MapletKey& self) noexcept;
+  [[nodiscard]] bool trusted(const PlaceHypothesis& h, const Skeleton& skeleton) const noexcept;
+  [[nodiscard]] bool linked(const Skeleton& skeleton, const MapletKey& a,
+                            const MapletKey& b) const noexcept;
+  EncounterCounts& counts_of(std::uint16_t agent) noexcept;
+
+  ForeignMaplets foreign_;
+  PlaceIndex index_;
+  PlaceVerifier verifier_;
+  Arena::Owned<Maplet> a_;
+  Arena::Owned<Maplet> b_;
+  std::array<MapletKey, kWaiting> waiting_{};  ///< a ring
+  std::size_t waiting_first_ = 0;
+  std::size_t waiting_count_ = 0;
+  bool asking_ = false;  ///< candidates_ of b_ are being verified
+  std::size_t next_candidate_ = 0;
+  PlaceIndex::Candidates candidates_;
+  StaticVector<EncounterCounts, kAgents> counts_;
+};
+
+}  // namespace maplet

@@ -1,0 +1,136 @@
+#!/usr/bin/env python3
+# Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+"""A running daemon is asked over its socket; two daemons on loopback exchange records."""
+import json
+import os
+import random
+import socket
+import subprocess
+import tempfile
+import time
+import unittest
+from pathlib import Path
+
+BIN = Path(os.environ["MAPLET_BIN_DIR"])
+PATIENCE_S = 60.0
+SOURCE = "sim:loop?seed=7&width=160&rate_hz=10&frames=200&agent={0}&phase=0.{0}"
+
+
+class Control(unittest.TestCase):
+    def setUp(self):
+        self.folder = tempfile.mkdtemp(prefix="maplet-control-")
+        self.domain = random.randrange(20, 220)
+        self.daemons = []
+
+    def tearDown(self):
+        for daemon in self.daemons:
+            if daemon.poll() is None:
+                daemon.kill()
+            daemon.communicate()
+
+    def path(self, agent):
+        return f"{self.folder}/{agent}.sock"
+
+    def start(self, agent, name=None, *more):
+        daemon = subprocess.Popen(
+            [str(BIN / "mapletd"), "--agent", str(agent), "--source", SOURCE.format(agent % 10),
+             "--set", f"dds.domain={self.domain}",
+             "--set", f"control.socket={self.path(name or agent)}",
+             "--set", "dds.budget_bytes_per_s=50000", *more],
+            stderr=subprocess.PIPE, text=True)
+        self.daemons.append(daemon)
+        self.until(lambda: os.path.exists(self.path(name or agent)))
+        return daemon
+
+    def until(self, condition):
+        end = time.monotonic() + PATIENCE_S
+        while time.monotonic() < end:
+            try:
+                if condition():
+                    return
+            except (OSError, ValueError):
+                pass
+            time.sleep(0.1)
+        self.fail("did not happen in time")
+
+    def ctl(self, agent, *words, code=0):
+        done = subprocess.run([str(BIN / "mapletctl"), *words, "--socket", self.path(agent)],
+                              capture_output=True, text=True, timeout=PATIENCE_S)
+        self.assertEqual(done.returncode, code, done.stderr)
+        return done.stdout if code == 0 else done.stderr
+
+    def status(self, agent):
+        return json.loads(self.ctl(agent, "status", "--json"))
+
+    def test_two_daemons_hold_the_same_and_say_so(self):
+        for agent in (1, 2):
+            self.start(agent)
+        self.until(lambda: self.status(1)["exchange"]["records"] >= 4 and
+                   self.status(1)["skeleton"]["records_digest"] ==
+                   self.status(2)["skeleton"]["records_digest"])
+        status = self.status(1)
+        for key in ("state", "frames", "stages", "memory", "tracking", "skeleton", "peers",
+                    "journal"):
+            self.assertIn(key, status)
+        self.assertEqual([p["agent"] for p in json.loads(self.ctl(1, "peers", "--json"))], [2])
+        self.assertGreater(status["skeleton"]["nodes"], status["maplets"])  # theirs, too
+        why = json.loads(self.ctl(1, "why", "2", "--json"))
+        self.assertTrue(why["heard"])
+        self.assertGreater(why["maplets_in_skeleton"], 0)
+        self.assertIn("agent 2", self.ctl(1, "status"))
+        self.assertIsInstance(json.loads(self.ctl(1, "closure", "list", "--json")), list)
+        nobody = json.loads(self.ctl(1, "why", "77", "--json"))
+        self.assertFalse(nobody["heard"])
+        self.assertIn("never heard", nobody["reason"])
+        for daemon in self.daemons:
+            daemon.terminate()
+        self.assertEqual([daemon.wait(20) for daemon in self.daemons], [0, 0])
+        self.assertFalse(os.path.exists(self.path(1)))
+
+    def test_silence_on_request(self):
+        for agent in (1, 2):
+            self.start(agent)
+        self.until(lambda: self.status(2)["exchange"]["received"] > 0)
+        self.ctl(1, "radio", "silent")
+        self.until(lambda: self.status(1)["exchange"]["silent"])
+        self.ctl(1, "radio", "on")
+        self.until(lambda: not self.status(1)["exchange"]["silent"])
+        self.ctl(1, "radio", "loud", code=2)
+
+    def test_two_devices_with_one_number_are_noticed(self):
+        self.start(1)
+        self.start(1, "double")
+        self.start(2)
+        self.until(lambda: self.status(2)["exchange"]["conflicting_agent"] == 1)
+        self.assertIn("two devices call themselves agent 1", self.ctl(2, "status"))
+
+    def test_bad_questions_get_one_line(self):
+        self.start(1)
+        for question in (b"nonsense\n", b"{}\n", b'{"command":"fly"}\n', b'{"command":7}\n',
+                         b'{"command":"add","agent_a":1}\n', b"\xff\xfe\n"):
+            with socket.socket(socket.AF_UNIX) as link:
+                link.settimeout(10)
+                link.connect(self.path(1))
+                link.sendall(question)
+                answer = link.makefile().read()
+            self.assertIn("error", json.loads(answer), question)
+        self.assertIn("does not have both maplets", self.ctl(
+            1, "closure", "add", "1:0", "9:9", "0,0,0,0,0,0,1", code=1))
+        self.ctl(1, "closure", "add", "1", "9:9", "0,0,0,0,0,0,1", code=2)
+        with socket.socket(socket.AF_UNIX) as silent:  # never says anything
+            silent.connect(self.path(1))
+            self.assertEqual(self.status(1)["agent"], 1)
+        self.assertIn("no mapletd answers", self.ctl("absent", "status", code=1))
+
+    def test_a_taken_socket_is_a_warning(self):
+        self.start(1)
+        second = subprocess.Popen(
+            [str(BIN / "mapletd"), "--agent", "3", "--source", SOURCE.format(3), "--no-dds",
+             "--set", f"control.socket={self.path(1)}"], stderr=subprocess.PIPE, text=True)
+        self.daemons.append(second)
+        self.assertIn("another mapletd answers there", second.stderr.readline())
+        self.assertEqual(self.status(1)["agent"], 1)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
