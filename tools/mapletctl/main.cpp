@@ -1,10 +1,22 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 // mapletctl: looks at, feeds and asks mapletd.
 #include <fmt/core.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include <cstdio>
 
 #include "tools/mapletctl/command.hpp"
+
+namespace {
+
+/// A reader that closes its pipe has what it wanted.
+bool is_pipe(int fd) {
+  struct stat status {};
+  return fstat(fd, &status) == 0 && (S_ISFIFO(status.st_mode) || S_ISSOCK(status.st_mode));
+}
+
+}  // namespace
 
 int main(int argc, char** argv) {
   using namespace maplet::ctl;
@@ -37,7 +49,7 @@ int main(int argc, char** argv) {
     fmt::print(stderr, "mapletctl: {}\n", e.what());
     return 1;
   }
-  if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {
+  if ((std::fflush(stdout) != 0 || std::ferror(stdout) != 0) && !is_pipe(STDOUT_FILENO)) {
     fmt::print(stderr, "mapletctl: standard output: cannot be written; make room or name a file\n");
     return 1;
   }
