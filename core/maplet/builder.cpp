@@ -44,7 +44,7 @@ const MapletCut* MapletBuilder::add(const Keyframe& keyframe, Deadline deadline)
   const MapletCut* done = nullptr;
   if (members_.empty()) {
     start(keyframe);
-  } else if (keyframe.segment != segment_) {
+  } else if (keyframe.segment != segment_ || keyframe.blind_spells != blind_spells_) {
     const Member last = members_.back();
     done = cut(CutReason::kLost);
     const Se3 T_last_this = last.T_odom_camera.inverse() * keyframe.T_odom_camera.se3;
@@ -88,6 +88,7 @@ void MapletBuilder::start(const Keyframe& origin) noexcept {
   rule_.start(origin.T_odom_camera.se3);
   shared_ = 0;
   segment_ = origin.segment;
+  blind_spells_ = origin.blind_spells;
   recent_count_ = 0;
 }
 

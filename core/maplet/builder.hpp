@@ -85,6 +85,7 @@ class MapletBuilder {
   std::size_t recent_count_ = 0;  // ever, in this segment
   std::size_t shared_ = 0;        // members that the maplet before has too
   std::uint32_t segment_ = 0;
+  std::uint32_t blind_spells_ = 0;
   MapletKey key_;
   PathLink link_;  // of the maplet under construction
   Arena::Owned<Maplet> draft_;

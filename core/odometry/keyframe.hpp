@@ -16,6 +16,9 @@ namespace maplet {
 struct Keyframe {
   std::uint32_t id = 0;       ///< counts up from 0
   std::uint32_t segment = 0;  ///< counts losses: poses of different segments are tied only loosely
+  /// Counts spells of config.lost_frames and more without a pose that ended with the view
+  /// recognised: the same segment, but a maplet does not reach over one.
+  std::uint32_t blind_spells = 0;
   Stamp stamp{};
   Transform<OdomFrame, CameraFrame> T_odom_camera;
   /// Of T_previous_this, tangent of this; after a loss the honest covariance of the gap.

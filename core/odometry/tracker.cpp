@@ -241,10 +241,16 @@ void Tracker::accept(const DepthFrame& frame, const Alignment& alignment, Track&
   track.gray = photo_.used();
   if (track.gray) ++counters_.with_gray;
   track.keyframe_due = keyframe_due(track, alignment);
+  if (lost_in_a_row_ >= config_.lost_frames) {
+    ++blind_spells_;
+    track.keyframe_due = true;
+  }
+  lost_in_a_row_ = 0;
 }
 
 void Tracker::lose(Track& track) noexcept {
   ++counters_.lost;
+  ++lost_in_a_row_;
   has_previous_ = false;
   lost_ = !pool_.empty();
   track.state = Track::State::kLost;
@@ -264,6 +270,7 @@ void Tracker::begin_segment(Track& track) noexcept {
   lose(track);
   --counters_.lost;
   lost_ = false;
+  lost_in_a_row_ = 0;
   track.state = Track::State::kTracking;
   track.keyframe_due = true;
 }
@@ -288,6 +295,7 @@ const Keyframe& Tracker::make_keyframe(const DepthFrame& frame, const PatchSet& 
   Keyframe& keyframe = pool_.begin_add(track.T_odom_camera.se3);
   keyframe.id = next_id_++;
   keyframe.segment = segment_;
+  keyframe.blind_spells = blind_spells_;
   keyframe.stamp = frame.stamp;
   keyframe.T_odom_camera = track.T_odom_camera;
   keyframe.covariance = track.covariance;

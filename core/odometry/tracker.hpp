@@ -95,6 +95,8 @@ class Tracker {
   int backward_ = 0;  ///< frames in a row whose stamp did not go forward
   bool lost_ = false;
   int usable_while_lost_ = 0;
+  int lost_in_a_row_ = 0;
+  std::uint32_t blind_spells_ = 0;
   std::size_t next_slot_ = 0;  ///< to look for the view in, while lost
   std::uint32_t segment_ = 0;
   std::uint32_t next_id_ = 0;

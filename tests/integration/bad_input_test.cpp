@@ -219,6 +219,21 @@ TEST_F(BadRecording, APathThatIsWrittenOtherwiseIsTheSameRecording) {
   EXPECT_EQ(text_of(dir_ / "a" / "map.svg"), text_of(dir_ / "b" / "map.svg"));
 }
 
+TEST_F(BadRecording, ALongerBlindSpellStartsANewMaplet) {
+  const std::vector<std::uint16_t> black(320 * 240, 0);
+  for (int i = 10; i < 18; ++i) {
+    ASSERT_TRUE(write_png(source_ / "depth" / ("0000" + std::to_string(i) + ".png"),
+                          ImageView<std::uint16_t>{black.data(), 320, 240, 320}));
+  }
+  const Finished mapped = map_it(uri(), out_);
+  ASSERT_EQ(mapped.exit_code, 0) << mapped.err;
+  const auto report = report_of(out_);
+  EXPECT_GE(report["tracking"]["lost"], 8);
+  EXPECT_EQ(report["maplets"]["count"], 2);
+  EXPECT_EQ(report["delta_poses"]["count"], 1);
+  EXPECT_THAT(mapped.err, AllOf(HasSubstr("tracking lost"), HasSubstr("tracking again")));
+}
+
 TEST_F(BadRecording, ClockThatJumpsInABlindSpellIsAGap) {
   const std::vector<std::uint16_t> black(320 * 240, 0);
   for (int i = 8; i < 20; ++i) {
