@@ -101,11 +101,12 @@ void report_size(const std::vector<TrueRun>& runs) {
 void report_fidelity(const std::vector<TrueRun>& runs) {
   for (const TrueRun& run : runs) {
     const Fidelity f = fidelity_of(run);
-    fmt::print("{}: {:.1f} % of {} points within 2 cm, rms {:.1f} mm; {} of {} cells ({:.2f} %) "
-               "looked through\n",
-               run.folder, 100.0 * static_cast<double>(f.near) / static_cast<double>(f.points),
-               f.points, 1e3 * std::sqrt(f.squares_m2 / static_cast<double>(f.near)), f.free,
-               f.cells, 100.0 * static_cast<double>(f.free) / static_cast<double>(f.cells));
+    fmt::print(
+        "{}: {:.1f} % of {} points within 2 cm, rms {:.1f} mm; {} of {} cells ({:.2f} %) "
+        "looked through\n",
+        run.folder, 100.0 * static_cast<double>(f.near) / static_cast<double>(f.points), f.points,
+        1e3 * std::sqrt(f.squares_m2 / static_cast<double>(f.near)), f.free, f.cells,
+        100.0 * static_cast<double>(f.free) / static_cast<double>(f.cells));
   }
 }
 

@@ -29,9 +29,7 @@ class FidelityOf {
   }
 
   void add(const DepthFrame& frame, const Se3& T_maplet_camera) {
-    const auto at = [&](int u, int v) {
-      return frame.depth.at(u, v) * frame.metres_per_unit;
-    };
+    const auto at = [&](int u, int v) { return frame.depth.at(u, v) * frame.metres_per_unit; };
     for (int v = 0; v < frame.depth.height_px; v += 3) {
       for (int u = 0; u < frame.depth.width_px; u += 3) {
         const double z = at(u, v);

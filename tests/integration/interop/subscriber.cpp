@@ -1,6 +1,8 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 // A program of somebody else's: reads maplet/delta_pose with Fast DDS and prints a line a sample.
 //     fastdds_subscriber DOMAIN COUNT TIMEOUT_S
+#include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
+
 #include <chrono>
 #include <cinttypes>
 #include <cstdio>
@@ -11,7 +13,6 @@
 #include <fastdds/dds/subscriber/SampleInfo.hpp>
 #include <fastdds/dds/subscriber/Subscriber.hpp>
 #include <fastdds/dds/topic/TypeSupport.hpp>
-#include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
 #include <thread>
 
 #include "maplet_msgPubSubTypes.h"
