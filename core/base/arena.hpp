@@ -22,7 +22,7 @@ struct ArenaEntry {
 /// All memory of the stages, decided before the first frame.
 ///
 /// Reserves address space, hands it out while the stages are built, and is sealed afterwards: from
-/// then on nothing grows. Running out, or asking after the seal, is a bug and terminates.
+/// then on nothing grows. Running out throws ArenaExhausted; asking after the seal terminates.
 ///
 /// Memory   `reserve_bytes` of address space; only what is handed out is ever touched.
 /// Threads  build on one thread; the storage belongs to whoever asked for it.

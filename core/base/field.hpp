@@ -29,7 +29,7 @@ struct Field {
   double min;
   double max;
   std::string_view help;          ///< one sentence, no full stop
-  std::string_view choices = {};  ///< of a string: "auto|off"; empty = any
+  std::string_view choices = {};  ///< of a string or whole number: "auto|off", "1|2|4"; empty = any
 };
 
 }  // namespace maplet
