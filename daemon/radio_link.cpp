@@ -65,7 +65,7 @@ RadioLink::RadioLink(const Config& config, AgentIdentity identity, Arena& arena)
                                      Life{identity.agent, identity.epoch},
                                      static_cast<RecordTaker&>(*this), arena)},
       budget_{static_cast<double>(config.radio.budget_bytes_per_s),
-              wire_bytes_of_datagram(config.radio.link_profile()), clock_.now()},
+              wire_bytes_of_datagram(config.radio.link_profile()), MonotonicClock{}.now()},
       delta_poses_out_{kRecords},
       ranges_out_{256},
       maplets_out_{kMapletBytes},
