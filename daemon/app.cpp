@@ -447,8 +447,10 @@ void App::say_tracking(const Track& track) noexcept {
   if (tracking && totals_.lost == 0) return;  // the beginning
   std::array<char, 120> line;
   const auto end =
-      fmt::format_to_n(line.data(), line.size(), "{} at {:.3f} s",
-                       tracking ? "tracking again" : "tracking lost", seconds(track.stamp));
+      tracking ? fmt::format_to_n(line.data(), line.size(), "tracking again at {:.3f} s",
+                                  seconds(track.stamp))
+               : fmt::format_to_n(line.data(), line.size(), "tracking lost ({}) at {:.3f} s",
+                                  to_string(track.loss), seconds(track.stamp));
   warnings_.say({line.data(), std::min(line.size(), end.size)});
 }
 

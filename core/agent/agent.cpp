@@ -38,6 +38,7 @@ Agent::Agent(const AgentConfig& config, AgentIdentity identity, StageMeter& mete
       skeleton_{config.skeleton, arena},
       store_{static_cast<std::size_t>(config.limits.own_maplets),
              static_cast<std::size_t>(config.maplet.max_bytes), arena},
+      views_{store_, arena},
       encounters_{config.registration,
                   {static_cast<std::size_t>(config.limits.own_maplets),
                    static_cast<std::size_t>(config.limits.foreign_maplets),
@@ -46,6 +47,7 @@ Agent::Agent(const AgentConfig& config, AgentIdentity identity, StageMeter& mete
       previous_{arena.make<Maplet>("agent/previous maplet")},
       older_{arena.make<Maplet>("agent/older maplet")} {
   builder_.identify(identity.agent, identity.epoch, 0);
+  tracker_.look_through(views_);
 }
 
 Step Agent::step(const DepthFrame& full_frame, Deadline deadline) noexcept {
@@ -61,6 +63,7 @@ Step Agent::step(const DepthFrame& full_frame, Deadline deadline) noexcept {
   if (!step.track.keyframe_due) return step;
 
   step.keyframe = &tracker_.make_keyframe(frame, *step.patches, step.track);
+  views_.saw(*step.keyframe);
   step.closed = timed(Stage::kMaplet, budget_.maplet, deadline,
                       [&](Deadline until) { return builder_.add(*step.keyframe, until); });
   if (step.closed != nullptr) take(*step.closed, deadline);
@@ -113,6 +116,7 @@ bool Agent::meet(Deadline deadline) noexcept {
 
 void Agent::take(const MapletCut& closed, Deadline deadline) noexcept {
   store_.put(closed.maplet.key.id, closed.bytes);
+  views_.add(closed.maplet);
   skeleton_.add(closed.maplet.key);
   if (closed.link.valid) {
     const DeltaPose link =

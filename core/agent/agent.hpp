@@ -6,6 +6,7 @@
 #include "core/agent/agent_config.hpp"
 #include "core/agent/encounters.hpp"
 #include "core/agent/maplet_store.hpp"
+#include "core/agent/maplet_views.hpp"
 #include "core/base/arena.hpp"
 #include "core/frame/decimator.hpp"
 #include "core/maplet/builder.hpp"
@@ -106,6 +107,7 @@ class Agent {
   ClosureFinder closures_;
   Skeleton skeleton_;
   MapletStore store_;
+  MapletViews views_;
   Encounters encounters_;
   StaticVector<DeltaPose, 64> refused_;
   std::uint64_t refused_closures_ = 0;

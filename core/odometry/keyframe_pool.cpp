@@ -8,8 +8,6 @@ namespace maplet {
 
 namespace {
 
-constexpr std::size_t kProbes = 48;      // facets that are looked for in another view
-constexpr double kProbeTolerance = 0.1;  // of inverse depth
 constexpr double kMinSharedView = 0.4;
 constexpr double kMetresPerRadian = 1.5;  // a turn by 1 rad changes a view like this way
 
@@ -52,24 +50,6 @@ std::size_t KeyframePool::least_worth(const Se3& T_odom_camera) const noexcept {
   return worst;
 }
 
-double KeyframePool::shared_view(const PatchView& frame, const Se3& T_odom_camera,
-                                 std::size_t slot) const noexcept {
-  const Se3 T_slot_camera = keyframe(slot).T_odom_camera.se3.inverse() * T_odom_camera;
-  const PatchView& view = slots_[slot]->view;
-  const auto facets = frame.facets().first(std::min(kProbes, frame.facets().size()));
-  double seen = 0.0;
-  double all = 1.0;
-  for (const Facet& facet : facets) {
-    all += facet.pixels;
-    const Eigen::Vector3d point = T_slot_camera * facet.centre;
-    const int found = view.at(point);
-    if (found == PatchView::kNone) continue;
-    const double there = view.facets()[static_cast<std::size_t>(found)].theta.dot(point);
-    if (std::abs(there - 1.0) < kProbeTolerance) seen += facet.pixels;
-  }
-  return seen / all;
-}
-
 KeyframePool::References KeyframePool::references(const PatchView& frame,
                                                   const Se3& T_odom_camera) const noexcept {
   References out;
@@ -78,7 +58,8 @@ KeyframePool::References KeyframePool::references(const PatchView& frame,
   std::size_t count = 0;
   for (std::size_t i = 0; i < used_; ++i) {
     if (i == newest_ || keyframe(i).segment != newest().segment) continue;
-    if (shared_view(frame, T_odom_camera, i) >= kMinSharedView) older[count++] = i;
+    const Se3 T_slot_camera = keyframe(i).T_odom_camera.se3.inverse() * T_odom_camera;
+    if (frame.share_on(slots_[i]->view, T_slot_camera) >= kMinSharedView) older[count++] = i;
   }
   std::sort(older.begin(), older.begin() + count,
             [&](std::size_t a, std::size_t b) { return keyframe(a).id < keyframe(b).id; });

@@ -17,7 +17,7 @@ namespace maplet {
 /// The newest keyframe and older ones near it, so that drift stops when the view returns.
 ///
 /// Memory   fixed, from the arena: kSlots keyframes with their views.
-/// Time     add(): copies one PatchSet; references(): O(slots * kProbes).
+/// Time     add(): copies one PatchSet; references(): O(slots).
 /// Threads  one caller at a time.
 class KeyframePool {
  public:
@@ -53,8 +53,6 @@ class KeyframePool {
   };
 
   [[nodiscard]] std::size_t least_worth(const Se3& T_odom_camera) const noexcept;
-  [[nodiscard]] double shared_view(const PatchView& frame, const Se3& T_odom_camera,
-                                   std::size_t slot) const noexcept;
 
   OdometryConfig config_;
   std::array<Arena::Owned<Slot>, kSlots> slots_;

@@ -13,8 +13,6 @@ namespace {
 constexpr double kStartSpeedMps = 0.5;
 constexpr double kStartTurnRadps = 1.0;
 constexpr double kDampingS = 0.3;  // unseen motion is forgotten with this time constant
-constexpr double kMaxSpeedMps = 3.0;
-constexpr double kMaxTurnRadps = 6.0;
 constexpr double kTinyVariance = 1e-10;
 
 Vector6d split(double linear, double angular) noexcept {
@@ -26,8 +24,9 @@ Vector6d split(double linear, double angular) noexcept {
 }  // namespace
 
 MotionFilter::MotionFilter(const OdometryConfig& config) noexcept
-    : acceleration_{
-          split(config.prior_acceleration_mps2, config.prior_angular_acceleration_radps2)} {
+    : acceleration_{split(config.prior_acceleration_mps2,
+                          config.prior_angular_acceleration_radps2)},
+      fastest_{split(config.max_speed_mps, config.max_turn_radps)} {
   start({});
 }
 
@@ -54,13 +53,12 @@ void MotionFilter::predict(double dt_s, bool damped) noexcept {
   P_.diagonal().head<6>() += 0.25 * dt_s * dt_s * variance;
   P_.topRightCorner<6, 6>().diagonal() += 0.5 * dt_s * variance;
   P_.bottomLeftCorner<6, 6>().diagonal() += 0.5 * dt_s * variance;
-  // No robot is faster: scale rows and columns together so that P stays a covariance.
-  const Vector6d limit = split(kMaxSpeedMps, kMaxTurnRadps);
+  // Nobody is faster: scale rows and columns together so that P stays a covariance.
   for (int i = 0; i < 6; ++i) {
     const double sigma = std::sqrt(P_(6 + i, 6 + i));
-    if (sigma <= limit[i]) continue;
-    P_.row(6 + i) *= limit[i] / sigma;
-    P_.col(6 + i) *= limit[i] / sigma;
+    if (sigma <= fastest_[i]) continue;
+    P_.row(6 + i) *= fastest_[i] / sigma;
+    P_.col(6 + i) *= fastest_[i] / sigma;
   }
 }
 
@@ -97,8 +95,7 @@ void MotionFilter::update(const Se3& T_odom_camera, const Matrix6d& information,
   const Matrix6d posterior = (prior + information).inverse();
   const Matrix6d gain = P_.bottomLeftCorner<6, 6>() * prior;
   velocity_ += gain * (T_odom_camera_.inverse() * T_odom_camera).log();
-  const Vector6d limit = split(kMaxSpeedMps, kMaxTurnRadps);
-  velocity_ = velocity_.cwiseMax(-limit).cwiseMin(limit);
+  velocity_ = velocity_.cwiseMax(-fastest_).cwiseMin(fastest_);
   T_odom_camera_ = T_odom_camera;
   Matrix6d velocity = P_.bottomRightCorner<6, 6>();
   velocity -= gain * (pose - posterior) * gain.transpose();

@@ -39,6 +39,8 @@ class MotionFilter {
   };
   [[nodiscard]] Distance distance(const Se3& T_odom_camera,
                                   const Matrix6d& information) const noexcept;
+  /// The same camera, moving as it does, in another place: what was believed of it was wrong.
+  void jump(const Se3& T_odom_camera) noexcept { T_odom_camera_ = T_odom_camera; }
   /// The present pose becomes the reference: its covariance is zero from here on.
   void anchor() noexcept;
 
@@ -50,6 +52,7 @@ class MotionFilter {
   void decouple(std::span<const Vector6d> free_axes) noexcept;
 
   Vector6d acceleration_;  ///< expected size
+  Vector6d fastest_;       ///< no camera moves faster
   Se3 T_odom_camera_;
   Vector6d velocity_ = Vector6d::Zero();  ///< m/s, rad/s; tangent of camera
   Eigen::Matrix<double, 12, 12> P_ = Eigen::Matrix<double, 12, 12>::Zero();

@@ -28,6 +28,8 @@ struct OdometryConfig {
   int min_pairs = 20;
   double min_overlap = 0.25;
   int lost_frames = 5;
+  double max_speed_mps = 3.0;
+  double max_turn_radps = 6.0;
   // When a keyframe is due.
   double keyframe_overlap = 0.5;
   double keyframe_distance_m = 0.20;
@@ -69,6 +71,10 @@ struct OdometryConfig {
        "A smaller share of the patches' pixels on inliers means lost"},
       {"lost_frames", &OdometryConfig::lost_frames, 1, 1000,
        "Usable frames without success after which a new segment begins"},
+      {"max_speed_mps", &OdometryConfig::max_speed_mps, 0.1, 100.0,
+       "No camera is carried faster: a pose that says so means lost"},
+      {"max_turn_radps", &OdometryConfig::max_turn_radps, 0.1, 100.0,
+       "No camera is turned faster: a pose that says so means lost"},
       {"keyframe_overlap", &OdometryConfig::keyframe_overlap, 0.05, 0.99,
        "A keyframe is due when the overlap with the last one falls below"},
       {"keyframe_distance_m", &OdometryConfig::keyframe_distance_m, 0.01, 10.0,

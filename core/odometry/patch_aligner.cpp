@@ -19,6 +19,7 @@ constexpr std::size_t kHalfway = 400;  // patches between the coarse stage and a
 constexpr int kStepsPerAssociation = 2;
 constexpr double kStepM = 2e-4;
 constexpr double kStepRad = 1e-4;
+constexpr double kMaxChi2PerDof = 2.5;
 
 // How far parts of the evidence pull apart (eq. 15), whitened by the whole.
 struct Pull {
@@ -32,6 +33,11 @@ Pull pull_of(const NormalEquations& part, const Whitening& white, const Vector6d
 }
 
 }  // namespace
+
+bool usable(const Alignment& alignment, const OdometryConfig& config) noexcept {
+  return alignment.inliers >= static_cast<std::uint32_t>(config.min_pairs) &&
+         alignment.overlap >= config.min_overlap && alignment.chi2_per_dof < kMaxChi2PerDof;
+}
 
 PatchAligner::PatchAligner(const OdometryConfig& config, Arena& arena)
     : config_{config},

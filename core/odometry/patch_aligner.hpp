@@ -59,6 +59,9 @@ struct Alignment {
   Stop stop = Stop::kConverged;
 };
 
+/// Whether it is evidence of a pose at all.
+[[nodiscard]] bool usable(const Alignment& alignment, const OdometryConfig& config) noexcept;
+
 /// Aligns a frame's patches to those of keyframes: projective association, Mahalanobis distance of
 /// inverse-depth planes, heavy tails, Gauss-Newton. Intensities may join in.
 ///

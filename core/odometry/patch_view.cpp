@@ -12,6 +12,8 @@ namespace {
 
 // The eigenvalue of a patch's information that a tiny or degenerate patch may lack, m^2.
 constexpr double kMinInformation = 1e-9;
+constexpr std::size_t kProbes = 48;      // facets that are looked for in another view
+constexpr double kProbeTolerance = 0.1;  // of inverse depth
 
 Sym3 invert(const Eigen::Matrix3d& information) noexcept {
   Sym3 sum = Sym3::of(information);
@@ -68,6 +70,20 @@ void PatchView::assign(const PatchSet& set, const OdometryConfig& config) noexce
     pixels_ += pixels;
   }
   fill_grid(set);
+}
+
+double PatchView::share_on(const PatchView& other, const Se3& T_other_this) const noexcept {
+  double seen = 0.0;
+  double all = 1.0;
+  for (const Facet& facet : facets().first(std::min(kProbes, size_))) {
+    all += facet.pixels;
+    const Eigen::Vector3d point = T_other_this * facet.centre;
+    const int found = other.at(point);
+    if (found == kNone) continue;
+    const double there = other.facets()[static_cast<std::size_t>(found)].theta.dot(point);
+    if (std::abs(there - 1.0) < kProbeTolerance) seen += facet.pixels;
+  }
+  return seen / all;
 }
 
 void PatchView::fill_grid(const PatchSet& set) noexcept {

@@ -6,6 +6,7 @@
 #include <span>
 
 #include "core/base/arena.hpp"
+#include "core/geometry/se3.hpp"
 #include "core/odometry/odometry_config.hpp"
 #include "core/odometry/sym3.hpp"
 #include "core/patches/patch.hpp"
@@ -41,6 +42,10 @@ class PatchView {
   [[nodiscard]] const CameraModel& camera() const noexcept { return camera_; }
   /// Pixels on all facets.
   [[nodiscard]] double pixels() const noexcept { return pixels_; }
+
+  /// The share of the largest facets' pixels that lie on `other`'s surfaces, within a tenth of
+  /// their inverse depth. Time O(1): 48 facets are looked at.
+  [[nodiscard]] double share_on(const PatchView& other, const Se3& T_other_this) const noexcept;
 
   /// Index of the facet that a point (camera frame, m) projects onto, or kNone.
   [[nodiscard]] int at(const Eigen::Vector3d& point) const noexcept {

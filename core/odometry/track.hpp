@@ -1,7 +1,9 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <string_view>
 
 #include "core/base/clock.hpp"
 #include "core/base/deadline.hpp"
@@ -9,6 +11,22 @@
 #include "core/geometry/se3.hpp"
 
 namespace maplet {
+
+/// Why a frame has no pose.
+enum class Loss : std::uint8_t {
+  kNone,
+  kNoDepth,     ///< not one pixel with a return
+  kCovered,     ///< depth in a few per cent of the image only: a covered lens, or nothing in range
+  kFewPatches,  ///< hardly anything flat
+  kFewInliers,  ///< what is seen does not fit the keyframes
+  kInconsistent,  ///< it fits, but nothing moves like that
+};
+
+[[nodiscard]] constexpr std::string_view to_string(Loss loss) noexcept {
+  constexpr std::string_view kNames[] = {"none",        "no depth",    "covered",
+                                         "few patches", "few inliers", "inconsistent motion"};
+  return kNames[static_cast<std::size_t>(loss)];
+}
 
 /// Where the camera is, as the odometry knows it after one frame.
 struct Track {
@@ -18,6 +36,7 @@ struct Track {
   };
 
   State state = State::kLost;
+  Loss loss = Loss::kNone;  ///< of a lost frame: why
   Stamp stamp{};
   std::uint32_t keyframe_id = 0;  ///< tracked against
   Transform<OdomFrame, CameraFrame> T_odom_camera;

@@ -10,11 +10,6 @@ namespace maplet {
 
 namespace {
 
-constexpr double kMaxChi2PerDof = 2.5;
-constexpr double kFoundOverlap = 0.4;  // a view is recognised, not just tracked on
-constexpr double kSearchSlackM = 0.1;
-constexpr double kSearchSlackRad = 0.1;
-constexpr double kSearchRad = 0.12;
 constexpr double kLeastVariance = 1e-10;
 constexpr double kGapS = 0.25;                // after which the last velocity says little
 constexpr double kMostGapS = 30.0;            // a stamp that jumps farther tells no more
@@ -51,6 +46,7 @@ Tracker::Tracker(const OdometryConfig& config, Arena& arena)
       aligner_{config, arena},
       pool_{config, arena},
       photo_{config.gray, arena},
+      relocaliser_{config, arena},
       filter_{config},
       hints_{config},
       disagreement_{kDisagreementFrames, kDisagreementPrior} {}
@@ -63,12 +59,13 @@ Track Tracker::run(const DepthFrame& frame, const PatchSet& patches, Deadline de
   now_ = 1 - now_;
   views_[now_].assign(patches, config_);
   photo_.assign(frame);
-  if (view().facets().size() < static_cast<std::size_t>(config_.min_pairs)) {
-    lose(track);
+  if (const Loss blind = blindness(patches); blind != Loss::kNone) {
+    lose(blind, track);
     return track;
   }
   if (pool_.empty()) {
     filter_.start({});
+    tracked_stamp_ = frame.stamp;
     track.state = Track::State::kTracking;
     track.keyframe_due = true;
     track.overlap = 1.0;
@@ -83,18 +80,18 @@ Track Tracker::run(const DepthFrame& frame, const PatchSet& patches, Deadline de
   covariance.diagonal().array() += kLeastVariance;
   prior.information = covariance.inverse();
   Alignment alignment = align(references(), prior, guess, deadline);
-  if (usable(alignment) && (!lost_ || alignment.overlap > kFoundOverlap)) {
+  const Loss loss = trouble(alignment, frame.stamp);
+  if (loss == Loss::kNone) {
     if (lost_) ++counters_.recovered;
+    if (!gap_covariance_.isZero()) (void)relocalise(alignment, deadline);
     accept(frame, alignment, track);
-  } else if (lost_ && relocalise(prior, alignment, deadline)) {
+  } else if (lost_ && relocalise(alignment, deadline)) {
     ++counters_.recovered;
     accept(frame, alignment, track);
   } else if (lost_ && ++usable_while_lost_ >= config_.lost_frames) {
-    begin_segment(track);
-    hints_.keep(frame.motion);
-    T_odom_last_ = track.T_odom_camera.se3;
+    begin_segment(frame, track);
   } else {
-    lose(track);
+    lose(loss, track);
   }
   return track;
 }
@@ -167,52 +164,12 @@ Alignment Tracker::align(const KeyframePool::References& references, const PoseP
     PosePrior wide{guess.T_odom_camera, 0.1 * prior.information};
     const Alignment other =
         try_from(references, wide, {guess.T_odom_camera, kSearchSlackM, kSearchSlackRad}, deadline);
-    if (usable(other) && other.overlap > kBetterOverlap * alignment.overlap) alignment = other;
+    if (usable(other, config_) && other.overlap > kBetterOverlap * alignment.overlap)
+      alignment = other;
   }
-  if (usable(alignment)) return alignment;
+  if (usable(alignment, config_)) return alignment;
   ++counters_.retried;
   return search(references, prior, deadline);
-}
-
-bool Tracker::usable(const Alignment& alignment) const noexcept {
-  return alignment.inliers >= static_cast<std::uint32_t>(config_.min_pairs) &&
-         alignment.overlap >= config_.min_overlap && alignment.chi2_per_dof < kMaxChi2PerDof;
-}
-
-// The prediction failed: other starts, the most likely first; the best overlap wins.
-Alignment Tracker::search(const KeyframePool::References& references, const PosePrior& prior,
-                          Deadline deadline) noexcept {
-  Alignment best;
-  best.T_odom_camera = filter_.pose();
-  for (int i = 0; i < 7; ++i) {
-    if (i > 0 && deadline.expired()) break;
-    Se3 start = i == 0 ? T_odom_last_ : filter_.pose();
-    if (i >= 2) {
-      Vector6d turn = Vector6d::Zero();
-      turn[3 + (i - 2) / 2 % 3] = i % 2 == 0 ? kSearchRad : -kSearchRad;
-      start = start * Se3::exp(turn);
-    }
-    PosePrior wide = prior;
-    wide.information *= 0.1;
-    const Alignment tried =
-        try_from(references, wide, {start, kSearchSlackM, kSearchSlackRad}, deadline);
-    if (tried.overlap > best.overlap) best = tried;
-    if (usable(best) && best.overlap > kFoundOverlap) break;
-  }
-  return best;
-}
-
-// Looks for the view in one keyframe of the pool a frame, from that keyframe's own pose.
-bool Tracker::relocalise(const PosePrior& prior, Alignment& out, Deadline deadline) noexcept {
-  next_slot_ = (next_slot_ + 1) % pool_.size();
-  if (pool_.keyframe(next_slot_).segment != segment_) return false;
-  PosePrior wide = prior;
-  wide.information *= 0.01;
-  const Reference reference = pool_.reference(next_slot_);
-  out = aligner_.run(view(), {&reference, 1}, wide,
-                     {pool_.keyframe(next_slot_).T_odom_camera.se3, kSearchSlackM, kSearchSlackRad},
-                     photo_.none(), deadline);
-  return usable(out) && out.overlap > kFoundOverlap && out.free_axes.empty();
 }
 
 void Tracker::accept(const DepthFrame& frame, const Alignment& alignment, Track& track) noexcept {
@@ -223,6 +180,7 @@ void Tracker::accept(const DepthFrame& frame, const Alignment& alignment, Track&
   photo_.learn(alignment);
   filter_.update(alignment.T_odom_camera, alignment.information / track.disagreement,
                  {alignment.free_axes.data(), alignment.free_axes.size()});
+  tracked_stamp_ = frame.stamp;
   lost_ = false;
   usable_while_lost_ = 0;
   has_previous_ = true;
@@ -246,33 +204,14 @@ void Tracker::accept(const DepthFrame& frame, const Alignment& alignment, Track&
     track.keyframe_due = true;
   }
   lost_in_a_row_ = 0;
-}
-
-void Tracker::lose(Track& track) noexcept {
-  ++counters_.lost;
-  ++lost_in_a_row_;
-  has_previous_ = false;
-  lost_ = !pool_.empty();
-  track.state = Track::State::kLost;
-  track.T_odom_camera = Transform<OdomFrame, CameraFrame>{filter_.pose()};
-  if (pool_.empty()) return;
-  track.keyframe_id = pool_.newest().id;
-  track.T_keyframe_camera = Transform<KeyframeFrame, CameraFrame>{
-      pool_.newest().T_odom_camera.se3.inverse() * filter_.pose()};
-  track.covariance = filter_.covariance();
-}
-
-void Tracker::begin_segment(Track& track) noexcept {
-  ++counters_.segments;
-  ++segment_;
-  lost_ = false;
-  usable_while_lost_ = 0;
-  lose(track);
-  --counters_.lost;
-  lost_ = false;
-  lost_in_a_row_ = 0;
-  track.state = Track::State::kTracking;
+  if (!recognised_) return;
+  // No keyframe may see this: it becomes one. After a jump it hangs on the one before by the gap.
+  recognised_ = false;
   track.keyframe_due = true;
+  if (!crossed_) return;
+  crossed_ = false;
+  track.covariance += gap_covariance_;
+  if (segment_ == 0) gap_covariance_.setZero();
 }
 
 bool Tracker::keyframe_due(const Track& track, const Alignment& alignment) noexcept {

@@ -15,6 +15,7 @@
 #include "core/odometry/patch_aligner.hpp"
 #include "core/odometry/patch_view.hpp"
 #include "core/odometry/photo_tracker.hpp"
+#include "core/odometry/relocaliser.hpp"
 #include "core/odometry/running_ratio.hpp"
 #include "core/odometry/track.hpp"
 
@@ -23,21 +24,25 @@ namespace maplet {
 /// What happened so far, all counted.
 struct TrackerCounters {
   std::uint64_t frames = 0;
-  std::uint64_t lost = 0;           ///< frames without a pose
-  std::uint64_t recovered = 0;      ///< the view was found again in a keyframe
-  std::uint64_t segments = 0;       ///< gaps that were bridged by the motion prior alone
-  std::uint64_t retried = 0;        ///< frames whose first start failed
-  std::uint64_t not_forward = 0;    ///< frames whose stamp did not go forward
-  std::uint64_t hints_used = 0;     ///< external motions that the prior took in
-  std::uint64_t hints_refused = 0;  ///< those that contradicted what was expected or seen
-  std::uint64_t with_gray = 0;      ///< frames in which intensities took part
+  std::uint64_t lost = 0;                  ///< frames without a pose
+  std::uint64_t recovered = 0;             ///< the view was found again in a keyframe
+  std::uint64_t segments = 0;              ///< gaps that were bridged by the motion prior alone
+  std::uint64_t tied = 0;                  ///< segments that were recognised in an earlier one
+  std::uint64_t in_stored_views = 0;       ///< recognitions in no keyframe, but in a stored view
+  std::uint64_t retried = 0;               ///< frames whose first start failed
+  std::uint64_t not_forward = 0;           ///< frames whose stamp did not go forward
+  std::uint64_t hints_used = 0;            ///< external motions that the prior took in
+  std::uint64_t hints_refused = 0;         ///< those that contradicted what was expected or seen
+  std::uint64_t with_gray = 0;             ///< frames in which intensities took part
+  std::array<std::uint64_t, 6> by_loss{};  ///< lost frames by Loss
 };
 
 /// Tracks the camera frame by frame against keyframes.
 ///
 /// The first usable frame is the origin and a keyframe. Without enough agreement with the keyframes
-/// the track is lost; it goes on when a keyframe is recognised, or after config.lost_frames usable
-/// frames in a new segment, whose first keyframe carries the covariance of the gap.
+/// the track is lost; it goes on when a keyframe or a stored view is recognised, or after
+/// config.lost_frames usable frames in a new segment, whose first keyframe carries the covariance
+/// of the gap. When the view of an earlier segment comes up in a new one, the track goes on there.
 ///
 /// Memory   fixed, from the arena.
 /// Time     O(iterations * references * patches); overruns the deadline by one iteration at most.
@@ -46,6 +51,9 @@ struct TrackerCounters {
 class Tracker {
  public:
   Tracker(const OdometryConfig& config, Arena& arena);
+
+  /// Where else to look for a lost view, besides keyframes; must outlive the tracker.
+  void look_through(ViewSource& views) noexcept { relocaliser_.look_through(views); }
 
   [[nodiscard]] Track run(const DepthFrame& frame, const PatchSet& patches,
                           Deadline deadline) noexcept;
@@ -58,6 +66,9 @@ class Tracker {
   [[nodiscard]] const TrackerCounters& counters() const noexcept { return counters_; }
 
  private:
+  static constexpr double kSearchSlackM = 0.1;  // how far off another start may be
+  static constexpr double kSearchSlackRad = 0.1;
+
   struct Guess;  // where else the camera may be, from a hint that contradicts the prediction
 
   [[nodiscard]] const PatchView& view() const noexcept { return views_[now_]; }
@@ -70,14 +81,17 @@ class Tracker {
   [[nodiscard]] Alignment try_from(const KeyframePool::References& references,
                                    const PosePrior& prior, const Start& start,
                                    Deadline deadline) noexcept;
-  [[nodiscard]] bool usable(const Alignment& alignment) const noexcept;
   [[nodiscard]] Alignment search(const KeyframePool::References& references, const PosePrior& prior,
                                  Deadline deadline) noexcept;
-  [[nodiscard]] bool relocalise(const PosePrior& prior, Alignment& out, Deadline deadline) noexcept;
+  [[nodiscard]] bool relocalise(Alignment& out, Deadline deadline) noexcept;
+  [[nodiscard]] Loss blindness(const PatchSet& patches) const noexcept;
+  [[nodiscard]] Loss trouble(const Alignment& alignment, Stamp stamp) const noexcept;
+  [[nodiscard]] bool moves_like_a_camera(const Alignment& alignment, Stamp stamp) const noexcept;
   [[nodiscard]] bool keyframe_due(const Track& track, const Alignment& alignment) noexcept;
   void accept(const DepthFrame& frame, const Alignment& alignment, Track& track) noexcept;
-  void lose(Track& track) noexcept;
-  void begin_segment(Track& track) noexcept;
+  void lose(Loss why, Track& track) noexcept;
+  void stand_at_prediction(Track& track) noexcept;
+  void begin_segment(const DepthFrame& frame, Track& track) noexcept;
 
   OdometryConfig config_;
   std::array<PatchView, 2> views_;  ///< of the present frame and of the one before
@@ -87,18 +101,24 @@ class Tracker {
   PatchAligner aligner_;
   KeyframePool pool_;
   PhotoTracker photo_;
+  Relocaliser relocaliser_;
   MotionFilter filter_;
   HintFollower hints_;
   TrackerCounters counters_;
   RunningRatio disagreement_;  ///< of keyframes: squared, over what was to be expected
   Stamp last_stamp_{};
-  int backward_ = 0;  ///< frames in a row whose stamp did not go forward
+  Stamp tracked_stamp_{};  ///< of the last tracked frame
+  int backward_ = 0;       ///< frames in a row whose stamp did not go forward
   bool lost_ = false;
   int usable_while_lost_ = 0;
   int lost_in_a_row_ = 0;
   std::uint32_t blind_spells_ = 0;
-  std::size_t next_slot_ = 0;  ///< to look for the view in, while lost
   std::uint32_t segment_ = 0;
+  std::uint32_t next_segment_ = 1;
+  /// Of the gaps between this segment and the one before; none in the first segment.
+  Matrix6d gap_covariance_ = Matrix6d::Zero();
+  bool recognised_ = false;  ///< this frame, where there may be no keyframe
+  bool crossed_ = false;     ///< this frame, in another segment
   std::uint32_t next_id_ = 0;
   bool first_after_keyframe_ = true;
   double first_log_information_ = 0.0;  ///< log determinant at the keyframe's first match

@@ -34,6 +34,32 @@ const ListedImage* nearest(const std::vector<ListedImage>& sorted, Stamp stamp,
   return best;
 }
 
+/// Which stamps to play: the most that go forward one after the other. A single wrong one falls
+/// out, wherever it points; of equally many the ones with the earlier stamps.
+std::vector<bool> forward(const std::vector<std::optional<Stamp>>& stamps) {
+  std::vector<std::size_t>
+      ends;  // of the best rows so far, by their length: the smallest last stamp
+  std::vector<std::size_t> before(stamps.size(), stamps.size());
+  for (std::size_t i = 0; i < stamps.size(); ++i) {
+    if (!stamps[i]) continue;
+    const auto at =
+        std::lower_bound(ends.begin(), ends.end(), *stamps[i],
+                         [&](std::size_t end, Stamp stamp) { return *stamps[end] < stamp; });
+    if (at != ends.begin()) before[i] = *std::prev(at);
+    if (at == ends.end()) {
+      ends.push_back(i);
+    } else {
+      *at = i;
+    }
+  }
+  std::vector<bool> kept(stamps.size(), false);
+  for (std::size_t i = ends.empty() ? stamps.size() : ends.back(); i < stamps.size();
+       i = before[i]) {
+    kept[i] = true;
+  }
+  return kept;
+}
+
 }  // namespace
 
 OpenedSource TumSource::open(const std::filesystem::path& folder, const TumSelection& selection,
@@ -125,6 +151,12 @@ tl::expected<void, std::string> TumSource::read_list(const TumSelection& selecti
     if (selection.every > images.size()) break;  // also: no overflow
     i += selection.every;
   }
+  std::vector<std::optional<Stamp>> stamps;
+  for (const Entry& entry : entries_) {
+    stamps.push_back(entry.depth.empty() ? std::nullopt : std::optional{entry.stamp});
+  }
+  const std::vector<bool> kept = forward(stamps);
+  for (std::size_t i = 0; i < entries_.size(); ++i) entries_[i].in_order = kept[i];
   return {};
 }
 
@@ -219,9 +251,9 @@ Expected<DepthFrame> TumSource::next(Deadline deadline) noexcept {
     if (entry.depth.empty()) {
       ++counters_.unreadable;
       skip("expected 'stamp file'");
-    } else if (started_ && entry.stamp <= last_) {
+    } else if (!entry.in_order) {
       ++counters_.out_of_order;
-      skip("stamp does not go forward");
+      skip("stamp is out of order");
     } else if (!load(entry)) {
       ++counters_.unreadable;
     } else {
@@ -236,7 +268,7 @@ Expected<DepthFrame> TumSource::next(Deadline deadline) noexcept {
   const Entry& entry = entries_[next_];
   const CameraModel& camera = frame_.camera;
   frame_.index = next_++;
-  frame_.stamp = last_ = entry.stamp;
+  frame_.stamp = entry.stamp;
   frame_.depth = {depth_.data(), camera.width_px, camera.height_px, camera.width_px};
   frame_.gray = {};
   frame_.gray_beside = {};
@@ -250,7 +282,6 @@ Expected<DepthFrame> TumSource::next(Deadline deadline) noexcept {
     }
   }
   frame_.motion = motion_.at(entry.stamp);
-  started_ = true;
   ++counters_.read;
   return frame_;
 }

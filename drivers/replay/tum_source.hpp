@@ -27,10 +27,11 @@ struct TumSelection {
 /// gray images, camera.toml beside them (else the camera of SourceOptions).
 ///
 /// A frame's index is its place in the selection: skipped frames leave gaps. An image that cannot
-/// be read, a line that makes no sense and a stamp that does not go forward are counted and
-/// skipped. Gray is the image nearest in time, at most kGrayTolerance off, and only where
-/// camera.toml says that it is registered to depth, or where its camera stands to the depth camera
-/// (table [gray]). Beside it may stand odometry.txt and gyro.txt (MotionFiles).
+/// be read, a line that makes no sense and a stamp out of order are counted and skipped: played are
+/// the most frames whose stamps go forward, so that one wrong stamp costs one frame. Gray is the
+/// image nearest in time, at most kGrayTolerance off, and only where camera.toml says that it is
+/// registered to depth, or where its camera stands to the depth camera (table [gray]). Beside it
+/// may stand odometry.txt and gyro.txt (MotionFiles).
 ///
 /// Memory  the lists and one image of each kind, decided in open(); libjpeg-turbo's own for gray.
 /// Time    one decoding a frame; expired deadlines are noticed between skipped frames.
@@ -57,6 +58,7 @@ class TumSource final : public DepthSource {
     std::filesystem::path gray;   ///< empty: there is none
     Stamp stamp{};
     int line = 0;
+    bool in_order = false;
   };
   using Problem = tl::unexpected<std::string>;
 
@@ -74,8 +76,6 @@ class TumSource final : public DepthSource {
   std::filesystem::path folder_;
   std::vector<Entry> entries_;
   std::size_t next_ = 0;
-  bool started_ = false;
-  Stamp last_{};
   bool registered_ = false;
   std::optional<RecordedGray> gray_camera_;  ///< of a gray camera that is not the depth camera
   MotionFiles motion_;

@@ -196,16 +196,29 @@ TEST_F(TumSourceTest, SkipsALaterImageOfAnotherSize) {
   EXPECT_TRUE(says(std::string{(*source)->detail()}, "image is 8x12, expected 8x6"));
 }
 
-TEST_F(TumSourceTest, SkipsStampsThatDoNotGoForward) {
+TEST_F(TumSourceTest, SkipsStampsOutOfOrder) {
   for (int i = 0; i < 6; ++i) write_depth(i);
   write_bytes(dir_ / "depth.txt",
               "0.1 depth/0.png\n0.3 depth/1.png\n0.2 depth/2.png\n0.3 depth/3.png\n"
               "0.4 depth/4.png\n-5.0 depth/5.png\n");
   auto source = open();
   ASSERT_TRUE(source) << source.error().what;
-  EXPECT_EQ(play(**source), (std::vector<int>{0, 1, 4}));
+  EXPECT_EQ(play(**source), (std::vector<int>{0, 2, 3, 4}));
+  EXPECT_EQ((*source)->counters().out_of_order, 2u);
+  EXPECT_TRUE(says(std::string{(*source)->detail()}, "depth.txt:6: stamp is out of order"));
+}
+
+TEST_F(TumSourceTest, AWrongStampCostsItsOwnFrameAndNoOther) {
+  for (int i = 0; i < 7; ++i) write_depth(i);
+  // An hour ahead, twice the same, and one from long ago.
+  write_bytes(dir_ / "depth.txt",
+              "0.1 depth/0.png\n3600.2 depth/1.png\n0.3 depth/2.png\n0.3 depth/3.png\n"
+              "0.4 depth/4.png\n-5.0 depth/5.png\n0.5 depth/6.png\n");
+  auto source = open();
+  ASSERT_TRUE(source) << source.error().what;
+  EXPECT_EQ(play(**source).size(), 4u);
   EXPECT_EQ((*source)->counters().out_of_order, 3u);
-  EXPECT_TRUE(says(std::string{(*source)->detail()}, "depth.txt:6: stamp does not go forward"));
+  EXPECT_EQ((*source)->counters().read, 4u);
 }
 
 TEST_F(TumSourceTest, SkipsLinesThatMakeNoSense) {
@@ -311,6 +324,11 @@ TEST_F(TumGray, OfACameraOfItsOwnComesBesideWithItsOffsetInTime) {
   EXPECT_EQ(frame->gray_beside.pixels.at(4, 3), 10);
   EXPECT_DOUBLE_EQ(frame->gray_beside.camera.fx_px, 9.0);
   EXPECT_DOUBLE_EQ(frame->gray_beside.T_depth_gray.t.x(), 0.025);
+  // Gray is stamped a tenth of a second late: the frame at 0.0 has the image of 0.099.
+  write_bytes(dir_ / "camera.toml", camera_toml(gray + "time_offset_s = 0.1\n"));
+  auto shifted = open();
+  ASSERT_TRUE(shifted);
+  EXPECT_EQ((*shifted)->next(Deadline::never())->gray_beside.pixels.at(4, 3), 20);
   write_bytes(dir_ / "camera.toml", camera_toml(gray + "time_offset_s = 5.0\n"));
   auto late = open();
   ASSERT_TRUE(late);

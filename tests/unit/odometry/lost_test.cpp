@@ -1,0 +1,211 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+// Losing the view, saying why, and finding it: in keyframes, in stored views, after a gap.
+#include <gtest/gtest.h>
+
+#include <vector>
+
+#include "tests/support/track_session.hpp"
+
+namespace maplet {
+namespace {
+
+using test::PatchScene;
+using test::TrackSession;
+using test::wandering;
+
+// Views drawn from a scene, as agent/ draws them from maplets.
+class SceneViews final : public ViewSource {
+ public:
+  SceneViews(const PatchScene& scene, std::vector<Se3> T_world_view)
+      : scene_{scene}, T_world_view_{std::move(T_world_view)} {
+    scene_.noise = 0.0;
+  }
+  [[nodiscard]] std::size_t count() const noexcept override { return T_world_view_.size(); }
+  [[nodiscard]] StoredView at(std::size_t index) const noexcept override {
+    return {T_world_view_[index], 0};
+  }
+  [[nodiscard]] bool draw(std::size_t index, const CameraModel&, PatchSet& out) noexcept override {
+    ++drawn;
+    out = scene_.view(T_world_view_[index], rng_);
+    return true;
+  }
+  int drawn = 0;
+
+ private:
+  PatchScene scene_;
+  std::vector<Se3> T_world_view_;
+  std::mt19937 rng_{3};
+};
+
+Se3 turned(double rad) { return Se3::exp(rad * Vector6d::Unit(4)); }
+
+// Looks ahead, turns round and wanders at the other end until no keyframe of the first view is
+// left.
+void leave_the_first_view(TrackSession& session, const PatchScene& scene) {
+  for (int i = 0; i < 20; ++i) session.step(scene, Se3{});
+  for (int i = 0; i < 60; ++i) session.step(scene, turned(M_PI / 60.0 * i));
+  const int before = session.keyframes;
+  for (int i = 0; i < 600 && session.keyframes < before + 14; ++i) {
+    const Track track =
+        session.step(scene, turned(M_PI) * wandering(0.0).inverse() * wandering(0.033 * i));
+    ASSERT_EQ(track.state, Track::State::kTracking) << i;
+  }
+  ASSERT_GE(session.keyframes, before + 14);
+}
+
+void darken(TrackSession& session, int frames) {
+  for (int i = 0; i < frames; ++i) {
+    session.patches->clear();
+    const Track track = session.feed();
+    EXPECT_EQ(track.state, Track::State::kLost);
+    EXPECT_EQ(track.loss, Loss::kNoDepth);
+  }
+}
+
+Se3 near_the_first_view() {
+  Vector6d xi;
+  xi << 0.06, -0.03, 0.04, 0.03, -0.04, 0.02;
+  return Se3::exp(xi);
+}
+
+TEST(Lost, AViewThatOnlyStoredPlanesHoldIsFoundAgain) {
+  const PatchScene scene = test::room();
+  SceneViews views{scene, {turned(0.5 * M_PI), Se3{}}};
+  TrackSession session;
+  session.tracker->look_through(views);
+  leave_the_first_view(session, scene);
+  EXPECT_EQ(views.drawn, 0) << "nothing is drawn while the camera is tracked";
+  darken(session, 40);
+  Track track;
+  int frames = 0;
+  do {
+    track = session.step(scene, near_the_first_view());
+  } while (track.state == Track::State::kLost && ++frames < 10);
+  ASSERT_EQ(track.state, Track::State::kTracking);
+  EXPECT_TRUE(track.keyframe_due) << "no keyframe sees this";
+  const auto& counters = session.tracker->counters();
+  EXPECT_EQ(counters.in_stored_views, 1u);
+  EXPECT_EQ(counters.recovered, 1u);
+  EXPECT_EQ(counters.segments, 0u);
+  const Se3 error = near_the_first_view().inverse() * track.T_odom_camera.se3;
+  EXPECT_LT(error.t.norm(), 0.02);
+  EXPECT_LT(error.angle(), 0.02);
+  // And the track goes on from there.
+  for (int i = 0; i < 30; ++i) {
+    const Se3 truth = near_the_first_view() * Se3::exp(0.003 * i * Vector6d::Unit(0));
+    track = session.step(scene, truth);
+    ASSERT_EQ(track.state, Track::State::kTracking) << i;
+    ASSERT_LT((truth.inverse() * track.T_odom_camera.se3).t.norm(), 0.03) << i;
+  }
+}
+
+TEST(Lost, WithoutStoredViewsANewSegmentBegins) {
+  const PatchScene scene = test::room();
+  TrackSession session;
+  leave_the_first_view(session, scene);
+  darken(session, 40);
+  Track track;
+  for (int i = 0; i < 10; ++i) track = session.step(scene, near_the_first_view());
+  EXPECT_EQ(session.tracker->counters().in_stored_views, 0u);
+  EXPECT_EQ(session.tracker->counters().segments, 1u);
+  EXPECT_EQ(track.state, Track::State::kTracking);
+}
+
+TEST(Lost, AStoredViewOfAnotherPlaceIsNotTakenForThisOne) {
+  PatchScene other;
+  other.add_box({-2.4, -1.4, -2.0}, {2.9, 1.0, 2.2});
+  other.add_box({-0.2, 0.1, 1.2}, {0.9, 1.0, 2.2});
+  SceneViews views{other, {Se3{}, turned(0.4), turned(-0.4)}};
+  const PatchScene scene = test::room();
+  TrackSession session;
+  session.tracker->look_through(views);
+  leave_the_first_view(session, scene);
+  darken(session, 40);
+  for (int i = 0; i < 20; ++i) session.step(scene, near_the_first_view());
+  EXPECT_GT(views.drawn, 0);
+  EXPECT_EQ(session.tracker->counters().in_stored_views, 0u);
+}
+
+TEST(Lost, AnEarlierSegmentIsRecognisedWhenItsViewReturns) {
+  const PatchScene scene = test::room();
+  PatchScene other;
+  other.add_box({-5.0, -2.4, -4.0}, {0.9, 1.0, 1.9});
+  other.add_box({-0.5, 0.0, 1.0}, {0.3, 1.0, 1.3});
+  TrackSession session;
+  for (int i = 0; i < 20; ++i) session.step(scene, wandering(0.033 * i));
+  darken(session, 30);
+  for (int i = 0; i < 20; ++i) session.step(other, Se3::exp(0.005 * i * Vector6d::Unit(0)));
+  ASSERT_EQ(session.last_keyframe->segment, 1u);
+  Track track;
+  bool crossed = false;
+  for (int i = 0; i < 20; ++i) {
+    const Se3 truth = wandering(0.0).inverse() * wandering(0.6 - 0.01 * i);
+    track = session.step(scene, wandering(0.6 - 0.01 * i));
+    if (track.state != Track::State::kTracking) continue;
+    crossed = crossed || session.last_keyframe->segment == 0;
+    if (!crossed) continue;
+    EXPECT_LT((truth.inverse() * track.T_odom_camera.se3).t.norm(), 0.02) << i;
+  }
+  EXPECT_TRUE(crossed);
+  EXPECT_EQ(session.tracker->counters().tied, 1u);
+}
+
+TEST(Lost, ABoardInFrontOfTheLensOpensASegmentThatEndsWhenItGoes) {
+  const PatchScene scene = test::room();
+  PatchScene board;
+  board.rectangles = {{{0, 0, 0.5}, Eigen::Vector3d::UnitX(), Eigen::Vector3d::UnitY(), 2, 2}};
+  TrackSession session;
+  for (int i = 0; i < 20; ++i) session.step(scene, wandering(0.033 * i));
+  EXPECT_EQ(session.step(board, Se3{}).loss, Loss::kFewInliers);
+  for (int i = 0; i < 29; ++i) session.step(board, Se3{});
+  EXPECT_EQ(session.tracker->counters().segments, 1u);
+  Track track;
+  for (int i = 0; i < 20; ++i) track = session.step(scene, wandering(0.033 * 20));
+  ASSERT_EQ(track.state, Track::State::kTracking);
+  EXPECT_EQ(session.tracker->counters().tied, 1u);
+  const Se3 truth = wandering(0.0).inverse() * wandering(0.033 * 20);
+  EXPECT_LT((truth.inverse() * track.T_odom_camera.se3).t.norm(), 0.02);
+}
+
+TEST(Lost, WhatNoCameraCanDoIsALossUntilTimeMakesItPossible) {
+  const PatchScene scene = test::room();
+  TrackSession session;
+  for (int i = 0; i < 10; ++i) session.step(scene, Se3{});
+  // 18 cm in 33 ms: the scene, or most of it, was moved.
+  const Se3 there = Se3::exp(0.18 * Vector6d::Unit(0));
+  Track track = session.step(scene, there);
+  EXPECT_EQ(track.state, Track::State::kLost);
+  EXPECT_EQ(track.loss, Loss::kInconsistent);
+  int frames = 1;
+  while (track.state == Track::State::kLost && frames < 10) {
+    track = session.step(scene, there);
+    ++frames;
+  }
+  EXPECT_LE(frames, 4);
+  EXPECT_LT((there.inverse() * track.T_odom_camera.se3).t.norm(), 0.02);
+  EXPECT_EQ(session.tracker->counters().by_loss[static_cast<std::size_t>(Loss::kInconsistent)],
+            session.tracker->counters().lost);
+  EXPECT_EQ(session.tracker->counters().segments, 0u);
+}
+
+TEST(Lost, SaysWhy) {
+  const PatchScene scene = test::room();
+  TrackSession session;
+  for (int i = 0; i < 5; ++i) session.step(scene, Se3{});
+  session.patches->clear();
+  EXPECT_EQ(session.feed().loss, Loss::kNoDepth);
+  session.patches->clear();
+  session.patches->camera = scene.camera;
+  session.patches->valid_pixels = 640 * 480 / 50;  // speckles under a finger
+  EXPECT_EQ(session.feed().loss, Loss::kCovered);
+  session.patches->valid_pixels = 640 * 480 / 2;  // a hedge
+  EXPECT_EQ(session.feed().loss, Loss::kFewPatches);
+  EXPECT_EQ(session.step(scene, Se3{}).loss, Loss::kNone);
+  const auto& by_loss = session.tracker->counters().by_loss;
+  EXPECT_EQ(by_loss[static_cast<std::size_t>(Loss::kNoDepth)], 1u);
+  EXPECT_EQ(by_loss[static_cast<std::size_t>(Loss::kCovered)], 1u);
+  EXPECT_EQ(by_loss[static_cast<std::size_t>(Loss::kFewPatches)], 1u);
+}
+
+}  // namespace
+}  // namespace maplet
