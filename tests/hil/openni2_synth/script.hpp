@@ -5,8 +5,47 @@
 #include <map>
 #include <sstream>
 #include <string>
+#include <vector>
 
 namespace maplet::synth {
+
+/// What happens at one frame: `fault=KIND@FRAME[:AMOUNT]`, as often as wanted. Frames are counted
+/// over all pluggings of a process.
+struct Fault {
+  enum class Kind {
+    kStall,      ///< no frame for AMOUNT ms; stamps go on
+    kUnplug,     ///< out, and in again after AMOUNT ms
+    kLate,       ///< this frame AMOUNT ms after its time
+    kDuplicate,  ///< the frame twice, with one index and stamp
+    kBurst,      ///< AMOUNT frames at once
+    kBlack,      ///< AMOUNT frames without any depth
+    kCorrupt,    ///< AMOUNT frames that hold less than they say
+    kMode,       ///< AMOUNT frames of half the size, as if somebody else had changed the mode
+    kNoColour,   ///< AMOUNT frames without colour
+    kBackwards,  ///< one frame with a stamp of AMOUNT ms ago
+    kNone,
+  };
+  Kind kind = Kind::kNone;
+  int frame = 0;
+  int amount = 1;
+
+  static Fault parse(const std::string& text) {
+    static const std::map<std::string, Kind> kinds{
+        {"stall", Kind::kStall},         {"unplug", Kind::kUnplug}, {"late", Kind::kLate},
+        {"duplicate", Kind::kDuplicate}, {"burst", Kind::kBurst},   {"black", Kind::kBlack},
+        {"corrupt", Kind::kCorrupt},     {"mode", Kind::kMode},     {"no_colour", Kind::kNoColour},
+        {"backwards", Kind::kBackwards}};
+    const auto at = text.find('@');
+    const auto kind = kinds.find(text.substr(0, at));
+    if (at == std::string::npos || kind == kinds.end()) return {};
+    const auto colon = text.find(':', at);
+    Fault fault{kind->second, std::stoi(text.substr(at + 1)), 1};
+    if (colon != std::string::npos) fault.amount = std::stoi(text.substr(colon + 1));
+    return fault;
+  }
+  /// Whether it lasts at that frame: those that count frames.
+  [[nodiscard]] bool lasts(int at) const { return at >= frame && at < frame + amount; }
+};
 
 /// How the synthetic camera behaves: the environment variable MAPLET_SYNTH, `key=value` parted by
 /// spaces, read when the runtime starts (absent) and at every opening (the rest).
@@ -18,9 +57,11 @@ struct Script {
   int replug_ms = 0;    ///< and goes in again so much later; 0 = never
   int silent = 0;       ///< after so many frames none comes any more; 0 = never
   bool absent = false;  ///< nothing is plugged in at the start
-  bool mirror = false;  ///< mirrors, and cannot be told not to
-  bool depth = true;    ///< has a depth sensor
-  bool colour = true;   ///< has a colour sensor
+  int absent_ms = 0;    ///< with absent: plugged in so much later; 0 = never
+  std::vector<Fault> faults;
+  bool mirror = false;       ///< mirrors, and cannot be told not to
+  bool depth = true;         ///< has a depth sensor
+  bool colour = true;        ///< has a colour sensor
   bool registration = true;  ///< can register depth to colour
 
   [[nodiscard]] static Script from_environment() {
@@ -37,13 +78,16 @@ struct Script {
 
  private:
   void set(const std::string& key, const std::string& value) {
-    const std::map<std::string, int*> counts{
-        {"unplug", &unplug}, {"replug_ms", &replug_ms}, {"silent", &silent}};
+    const std::map<std::string, int*> counts{{"unplug", &unplug},
+                                             {"replug_ms", &replug_ms},
+                                             {"silent", &silent},
+                                             {"absent_ms", &absent_ms}};
     const std::map<std::string, bool*> flags{{"absent", &absent},
                                              {"mirror", &mirror},
                                              {"depth", &depth},
                                              {"colour", &colour},
                                              {"registration", &registration}};
+    if (key == "fault") faults.push_back(Fault::parse(value));
     if (key == "world") world = value;
     if (key == "rate_hz") rate_hz = std::stod(value);
     if (key.starts_with("sim.")) parameters[key.substr(4)] = value;

@@ -1,6 +1,7 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #include "tests/hil/openni2_synth/synth_device.hpp"
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -28,8 +29,9 @@ SynthStream::Optics optics_of(const Script& script) {
 
 }  // namespace
 
-SynthDevice::SynthDevice(const Script& script, std::function<void()> on_unplug)
-    : script_{script}, on_unplug_{std::move(on_unplug)} {
+SynthDevice::SynthDevice(const Script& script, std::atomic<int>& frames,
+                         std::function<void(int)> on_unplug)
+    : script_{script}, frames_{frames}, on_unplug_{std::move(on_unplug)} {
   const int fps = static_cast<int>(script.rate_hz);
   for (const int width : {320, 640}) {
     depth_modes_.push_back({ONI_PIXEL_FORMAT_DEPTH_1_MM, width, width * 3 / 4, fps});
@@ -92,19 +94,73 @@ void SynthDevice::run() {
     if (any != nullptr) world = open_world(script_, any->mode().resolutionX);
   }
   if (!world) return;
-  const auto began = std::chrono::steady_clock::now();
+  opened_ = std::chrono::steady_clock::now();
+  auto began = opened_;
   for (int i = 0;; ++i) {
-    if (script_.unplug > 0 && i == script_.unplug) return on_unplug_();
+    if (script_.unplug > 0 && i == script_.unplug) return on_unplug_(script_.replug_ms);
     if (script_.silent > 0 && i == script_.silent) return;
-    const auto frame = world->next(Deadline::never());
-    if (!frame) return;
-    std::unique_lock lock{mutex_};
-    const auto due = began + i * period;
-    if (stopped_.wait_until(lock, due, [this] { return stop_; })) return;
-    const auto stamp_us = static_cast<std::uint64_t>(std::llround(i * period.count() * 1e6));
-    if (depth_ != nullptr) depth_->push(*frame, i + 1, stamp_us);
-    if (colour_ != nullptr) colour_->push(*frame, i + 1, stamp_us);
+    for (const Fault& fault : script_.faults) {  // time passes, and the world stands still
+      if (fault.frame != frames_ + 1 || fault.kind != Fault::Kind::kStall) continue;
+      began += std::chrono::milliseconds{fault.amount};
+    }
+    const auto due = began + std::chrono::duration_cast<std::chrono::nanoseconds>(i * period);
+    const auto since = due - began + (began - opened_);
+    if (!show(*world, i + 1, static_cast<std::uint64_t>(since / std::chrono::microseconds{1}),
+              due)) {
+      return;
+    }
   }
+}
+
+bool SynthDevice::sleep_until(std::chrono::steady_clock::time_point time) {
+  std::unique_lock lock{mutex_};
+  return !stopped_.wait_until(lock, time, [this] { return stop_; });
+}
+
+bool SynthDevice::show(SimSource& world, int index, std::uint64_t stamp_us,
+                       std::chrono::steady_clock::time_point due) {
+  using Kind = Fault::Kind;
+  auto frame = world.next(Deadline::never());
+  if (!frame) return false;
+  const int at = ++frames_;
+  bool twice = false;
+  for (const Fault& fault : script_.faults) {
+    if (fault.kind == Kind::kBlack && fault.lasts(at)) {
+      pixels_.assign(static_cast<std::size_t>(frame->depth.width_px) * frame->depth.height_px, 0);
+      frame->depth.pixels = pixels_.data();
+      frame->depth.stride_px = frame->depth.width_px;
+    }
+    if (fault.kind == Kind::kBurst && fault.lasts(at)) due = {};
+    if (fault.frame != at) continue;
+    if (fault.kind == Kind::kUnplug) {
+      on_unplug_(fault.amount);
+      return false;
+    }
+    if (fault.kind == Kind::kLate) due += std::chrono::milliseconds{fault.amount};
+    if (fault.kind == Kind::kBackwards) {
+      stamp_us -= std::min<std::uint64_t>(stamp_us, 1000ULL * static_cast<unsigned>(fault.amount));
+    }
+    twice = twice || fault.kind == Kind::kDuplicate;
+  }
+  if (!sleep_until(due)) return false;
+  push(*frame, index, stamp_us);
+  if (twice) push(*frame, index, stamp_us);
+  return true;
+}
+
+void SynthDevice::push(const DepthFrame& frame, int index, std::uint64_t stamp_us) {
+  SynthStream::Damage damage = SynthStream::Damage::kNone;
+  bool colour = true;
+  for (const Fault& fault : script_.faults) {
+    if (!fault.lasts(frames_)) continue;
+    if (fault.kind == Fault::Kind::kCorrupt) damage = SynthStream::Damage::kShort;
+    if (fault.kind == Fault::Kind::kMode) damage = SynthStream::Damage::kHalfSize;
+    if (fault.kind == Fault::Kind::kNoColour) colour = false;
+  }
+  const std::lock_guard lock{mutex_};
+  if (depth_ != nullptr) depth_->push(frame, index, stamp_us, damage);
+  if (colour_ != nullptr && colour)
+    colour_->push(frame, index, stamp_us, SynthStream::Damage::kNone);
 }
 
 OniStatus SynthDevice::getProperty(int id, void* data, int* size) {

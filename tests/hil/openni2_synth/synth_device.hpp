@@ -4,6 +4,7 @@
 #include <Driver/OniDriverAPI.h>
 
 #include <atomic>
+#include <chrono>
 #include <condition_variable>
 #include <functional>
 #include <mutex>
@@ -20,8 +21,11 @@ namespace maplet::synth {
 /// depth, then colour, of the same instant.
 class SynthDevice final : public oni::driver::DeviceBase {
  public:
-  /// @param on_unplug  called on the camera's thread when the script pulls the cable
-  SynthDevice(const Script& script, std::function<void()> on_unplug);
+  /// @param frames     counts those of all pluggings
+  /// @param on_unplug  called on the camera's thread when the script pulls the cable, with the time
+  ///   until it goes in again in ms, 0 = never
+  SynthDevice(const Script& script, std::atomic<int>& frames,
+              std::function<void(int replug_ms)> on_unplug);
   ~SynthDevice() override;
 
   OniStatus getSensorInfoList(OniSensorInfo** infos, int* count) override;
@@ -35,10 +39,18 @@ class SynthDevice final : public oni::driver::DeviceBase {
 
  private:
   void run();
+  /// The frame with what the script does to it. @return false: the cable is out, or the end
+  [[nodiscard]] bool show(SimSource& world, int index, std::uint64_t stamp_us,
+                          std::chrono::steady_clock::time_point due);
+  void push(const DepthFrame& frame, int index, std::uint64_t stamp_us);
+  [[nodiscard]] bool sleep_until(std::chrono::steady_clock::time_point time);
   void start_thread();
 
   const Script script_;
-  const std::function<void()> on_unplug_;
+  std::atomic<int>& frames_;
+  const std::function<void(int)> on_unplug_;
+  std::chrono::steady_clock::time_point opened_{};
+  std::vector<std::uint16_t> pixels_;  ///< of a frame that was tampered with
   std::vector<OniVideoMode> depth_modes_;
   std::vector<OniVideoMode> colour_modes_;
   std::vector<OniSensorInfo> sensors_;

@@ -3,6 +3,7 @@
 // (script.hpp). The real runtime loads it from a private folder of drivers.
 #include <Driver/OniDriverAPI.h>
 
+#include <atomic>
 #include <chrono>
 #include <condition_variable>
 #include <cstdio>
@@ -28,8 +29,10 @@ class SynthDriver final : public oni::driver::DriverBase {
                        oni::driver::DeviceDisconnectedCallback disconnected,
                        oni::driver::DeviceStateChangedCallback changed, void* cookie) override {
     const auto status = DriverBase::initialize(connected, disconnected, changed, cookie);
-    plugged_ = !Script::from_environment().absent && status == ONI_STATUS_OK;
+    const Script script = Script::from_environment();
+    plugged_ = !script.absent && status == ONI_STATUS_OK;
     if (plugged_) deviceConnected(&info_);
+    if (script.absent && script.absent_ms > 0) plug_in_later(script.absent_ms);
     return status;
   }
 
@@ -37,7 +40,7 @@ class SynthDriver final : public oni::driver::DriverBase {
     const std::lock_guard lock{mutex_};
     if (!plugged_ || std::strcmp(uri, info_.uri) != 0) return nullptr;
     script_ = Script::from_environment();
-    return new SynthDevice{script_, [this] { unplug(); }};
+    return new SynthDevice{script_, frames_, [this](int replug_ms) { unplug(replug_ms); }};
   }
   void deviceClose(oni::driver::DeviceBase* device) override { delete device; }
 
@@ -53,23 +56,22 @@ class SynthDriver final : public oni::driver::DriverBase {
   }
 
  private:
-  void unplug() {
+  void unplug(int replug_ms) {
     {
       const std::lock_guard lock{mutex_};
       plugged_ = false;
     }
     deviceDisconnected(&info_);
-    {
-      const std::lock_guard lock{mutex_};
-      if (script_.replug_ms == 0) return;
-    }
-    if (hand_.joinable()) hand_.join();
-    hand_ = std::thread{[this] { replug(); }};
+    if (replug_ms > 0) plug_in_later(replug_ms);
   }
 
-  void replug() {
+  void plug_in_later(int delay_ms) {
+    if (hand_.joinable()) hand_.join();
+    hand_ = std::thread{[this, delay_ms] { plug_in(std::chrono::milliseconds{delay_ms}); }};
+  }
+
+  void plug_in(std::chrono::milliseconds delay) {
     std::unique_lock lock{mutex_};
-    const std::chrono::milliseconds delay{script_.replug_ms};
     if (stopped_.wait_for(lock, delay, [this] { return stop_; })) return;
     plugged_ = true;
     lock.unlock();
@@ -82,6 +84,7 @@ class SynthDriver final : public oni::driver::DriverBase {
   std::condition_variable stopped_;
   bool plugged_ = false;
   bool stop_ = false;
+  std::atomic<int> frames_{0};  ///< pushed by all devices
   std::thread hand_;
 };
 

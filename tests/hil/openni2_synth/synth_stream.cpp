@@ -77,7 +77,7 @@ void SynthStream::fill(OniFrame& out, const DepthFrame& frame) const {
   }
 }
 
-void SynthStream::push(const DepthFrame& frame, int index, std::uint64_t stamp_us) {
+void SynthStream::push(const DepthFrame& frame, int index, std::uint64_t stamp_us, Damage damage) {
   if (!started_) return;
   OniFrame* out = getServices().acquireFrame();
   if (out == nullptr) return;
@@ -92,6 +92,13 @@ void SynthStream::push(const DepthFrame& frame, int index, std::uint64_t stamp_u
   out->croppingEnabled = FALSE;
   out->cropOriginX = out->cropOriginY = 0;
   fill(*out, frame);
+  if (damage == Damage::kShort) out->dataSize /= 3;
+  if (damage == Damage::kHalfSize) {
+    out->width = out->videoMode.resolutionX /= 2;
+    out->height = out->videoMode.resolutionY /= 2;
+    out->stride /= 2;
+    out->dataSize /= 4;
+  }
   raiseNewFrame(out);
   getServices().releaseFrame(out);
 }

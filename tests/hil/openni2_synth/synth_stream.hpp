@@ -58,7 +58,8 @@ class SynthStream final : public oni::driver::StreamBase {
   void stop() override { started_ = false; }
 
   /// Hands an image to the runtime, unless the stream stands still.
-  void push(const DepthFrame& frame, int index, std::uint64_t stamp_us);
+  enum class Damage { kNone, kShort, kHalfSize };
+  void push(const DepthFrame& frame, int index, std::uint64_t stamp_us, Damage damage);
 
   [[nodiscard]] const OniVideoMode& mode() const { return mode_; }
 
