@@ -23,8 +23,9 @@ constexpr double kHeader_px = 132.0;
 constexpr double kFooter_px = 112.0;
 constexpr double kMinMap_px = 480.0;
 constexpr double kMaxMap_px = 1060.0;
-constexpr double kAir_m = 0.25;      // around the map
-constexpr double kMaxScale = 260.0;  // px per m: a single desk does not fill the page
+constexpr double kAir_m = 0.25;         // around the map
+constexpr double kScaleBar_px = 300.0;  // at most
+constexpr double kMaxScale = 260.0;     // px per m: a single desk does not fill the page
 
 /// Where the map goes on the page, and how tall the page is.
 struct Layout {
@@ -149,7 +150,7 @@ struct Entry {
 }
 
 void draw_scale_bar(Canvas& canvas, const Vector2d& right_px, double px_per_m) {
-  const double length_m = scale_bar_m(300.0 / px_per_m);
+  const double length_m = scale_bar_m(kScaleBar_px / px_per_m);
   const Vector2d left_px = right_px - Vector2d{length_m * px_per_m, 0.0};
   const Vector2d tick{0.0, 7.0};
   canvas.stroke({left_px - tick, left_px, right_px, right_px - tick}, {2.0, kInk, 0.0, false});
@@ -157,14 +158,19 @@ void draw_scale_bar(Canvas& canvas, const Vector2d& right_px, double px_per_m) {
               {17.0, Weight::kBold, kInk, Align::kCentre});
 }
 
-void draw_legend(Canvas& canvas, const Plan& plan, double px_per_m, double middle_px) {
+/// In rows between the margin and `right_px`.
+void draw_legend(Canvas& canvas, const Plan& plan, double px_per_m, double middle_px,
+                 double right_px) {
+  constexpr double kGap_px = 9.0;
+  constexpr double kRow_px = 32.0;
   constexpr TextStyle kWords{17.0, Weight::kRegular, kSoftInk, Align::kLeft};
   Vector2d at{kMargin_px, middle_px};
   for (const Entry& entry : legend(plan, px_per_m)) {
+    const double wide_px = entry.sample_px + kGap_px + canvas.text_width(entry.words, kWords);
+    if (at.x() > kMargin_px && at.x() + wide_px > right_px) at = {kMargin_px, at.y() + kRow_px};
     entry.draw(canvas, at);
-    at.x() += entry.sample_px + 9.0;
-    canvas.text(at + Vector2d{0.0, 6.0}, entry.words, kWords);
-    at.x() += canvas.text_width(entry.words, kWords) + 24.0;
+    canvas.text(at + Vector2d{entry.sample_px + kGap_px, 6.0}, entry.words, kWords);
+    at.x() += wide_px + 24.0;
   }
 }
 
@@ -183,7 +189,8 @@ void draw_all(Canvas& canvas, const Plan& plan, const std::string& title, const 
   const double rule_px = layout.map_px.high.y() + 28.0;
   canvas.stroke({{kMargin_px, rule_px}, {kWidth_px - kMargin_px, rule_px}}, {1.0, kHairline});
   const double px_per_m = layout.project.px_per_m;
-  draw_legend(canvas, plan, px_per_m, rule_px + 42.0);
+  const double bar_px = scale_bar_m(kScaleBar_px / px_per_m) * px_per_m;
+  draw_legend(canvas, plan, px_per_m, rule_px + 36.0, kWidth_px - kMargin_px - bar_px - 30.0);
   draw_scale_bar(canvas, {kWidth_px - kMargin_px, rule_px + 48.0}, px_per_m);
 }
 
