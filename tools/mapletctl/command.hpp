@@ -17,6 +17,7 @@ class Failure : public std::runtime_error {
 };
 
 // Each command lives in a file of its own and adds itself to the command line.
+void add_check(CLI::App& app);
 void add_daemon_commands(CLI::App& app);
 void add_draw(CLI::App& app);
 void add_eval(CLI::App& app);
@@ -28,6 +29,7 @@ void add_register(CLI::App& app);
 void add_show(CLI::App& app);
 void add_simulate(CLI::App& app);
 void add_solve(CLI::App& app);
+void add_top(CLI::App& app);
 void add_version(CLI::App& app);
 void add_watch(CLI::App& app);
 

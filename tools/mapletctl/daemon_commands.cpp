@@ -1,11 +1,12 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
-// What is asked of a running daemon: status, peers, why, closure, radio.
+// What is asked of a running daemon: status, peers, why, closure, maplets, set, radio.
 #include <fmt/core.h>
 
 #include <cstdio>
 #include <vector>
 
 #include "tools/mapletctl/ask.hpp"
+#include "tools/mapletctl/status_text.hpp"
 
 namespace maplet::ctl {
 
@@ -15,49 +16,6 @@ using Json = nlohmann::ordered_json;
 
 std::string maplet_name(const Json& key) {
   return fmt::format("{}:{:04}", key["agent"].get<int>(), key["id"].get<int>());
-}
-
-void print_peer(const Json& peer) {
-  fmt::print("agent {:<5} heard {:.1f} s ago{}  {}  {} records  loss {:.0f} %",
-             peer["agent"].get<int>(), peer["heard_s_ago"].get<double>(),
-             peer["ended"].get<bool>() ? " (an ended life)" : "",
-             peer["in_sync"].get<bool>() ? "in sync" : "not in sync", peer["records"].get<long>(),
-             100.0 * peer["loss"].get<double>());
-  const Json& held = peer["held"];
-  fmt::print("  held of it: {} delta-poses, {} closures, {} maplets\n",
-             held["delta_poses"].get<long>(), held["closures"].get<long>(),
-             held["maplets"].get<long>());
-}
-
-void print_status(const Json& s) {
-  fmt::print("agent {} ({:08x}): {}, up {:.0f} s\n", s["agent"].get<int>(),
-             s["epoch"].get<std::uint32_t>(), s["state"].get<std::string>(),
-             s["uptime_s"].get<double>());
-  fmt::print("frames    {} read, {} dropped; {}, {} lost\n", s["frames"]["read"].get<long>(),
-             s["frames"]["dropped"].get<long>(),
-             s["tracking"]["now"].get<bool>() ? "tracking" : "not tracking",
-             s["tracking"]["lost"].get<long>());
-  fmt::print("map       {} maplets, {} delta-poses, {} closures; skeleton {} nodes, {} factors{}\n",
-             s["maplets"].get<long>(), s["delta_poses"].get<long>(), s["closures"].get<long>(),
-             s["skeleton"]["nodes"].get<long>(), s["skeleton"]["factors"].get<long>(),
-             s["skeleton"]["settled"].get<bool>() ? ", settled" : "");
-  fmt::print("memory    {:.1f} MiB arena, {:.1f} MiB in all\n",
-             s["memory"]["arena_bytes"].get<double>() / 1048576.0,
-             s["memory"]["rss_bytes"].get<double>() / 1048576.0);
-  if (s.contains("exchange")) {
-    const Json& e = s["exchange"];
-    fmt::print("exchange  {}, {} listeners, {} records, {} missing, {} bytes sent ({} by DDS)\n",
-               !e["open"].get<bool>()    ? "waiting for the interface"
-               : e["silent"].get<bool>() ? "silent"
-                                         : "open",
-               e["listeners"].get<long>(), e["records"].get<long>(), e["missing"].get<long>(),
-               e["wire_bytes"].get<long>(), e["dds_bytes"].get<long>());
-    if (e["conflicts"].get<long>() > 0) {
-      fmt::print("          two devices call themselves agent {}: give each its own --agent\n",
-                 e["conflicting_agent"].get<int>());
-    }
-  }
-  for (const Json& peer : s["peers"]) print_peer(peer);
 }
 
 void print_why(const Json& why) {
@@ -155,6 +113,63 @@ void add_closure_add(CLI::App& closure) {
   });
 }
 
+void add_status(CLI::App& app) {
+  auto asked = std::make_shared<Asked>();
+  auto prometheus = std::make_shared<bool>(false);
+  auto* sub = app.add_subcommand("status", "How a running daemon is");
+  add_daemon_options(*sub, std::shared_ptr<Daemon>{asked, &asked->daemon});
+  auto* json = sub->add_flag("--json", asked->json, "the whole answer, as JSON");
+  sub->add_flag("--prometheus", *prometheus, "as Prometheus text, for a node exporter")
+      ->excludes(json);
+  sub->callback([asked, prometheus] {
+    const Json status = ask(asked->daemon, {{"command", "status"}});
+    if (asked->json) {
+      fmt::print("{}\n", status.dump());
+    } else if (*prometheus) {
+      fmt::print("{}", prometheus_text(status));
+    } else {
+      print_status(status);
+    }
+  });
+}
+
+void print_maplets(const Json& maplets) {
+  for (const Json& m : maplets) {
+    const Json& pose = m["T_map_maplet"];
+    fmt::print("{}  in the map of {}  at {:8.3f} {:8.3f} {:8.3f} m{}\n", maplet_name(m),
+               maplet_name(m["map"]), pose[0].get<double>(), pose[1].get<double>(),
+               pose[2].get<double>(),
+               m["bytes"].get<long>() > 0 ? fmt::format("  {} bytes", m["bytes"].get<long>()) : "");
+  }
+}
+
+void add_set(CLI::App& app) {
+  struct Set : Asked {
+    std::string key, value;
+  };
+  auto asked = std::make_shared<Set>();
+  auto* sub = app.add_subcommand(
+      "set",
+      "Changes a key of a running daemon until it restarts; an unknown one names those that may");
+  sub->add_option("KEY", asked->key, "as in the configuration: frame.budget_us")->required();
+  sub->add_option("VALUE", asked->value, "as in the configuration")->required();
+  add_daemon_options(*sub, std::shared_ptr<Daemon>{asked, &asked->daemon});
+  sub->add_flag("--json", asked->json, "the changes, as JSON");
+  sub->callback([asked] {
+    const Json changes =
+        ask(asked->daemon, {{"command", "set"}, {"key", asked->key}, {"value", asked->value}});
+    if (asked->json) {
+      fmt::print("{}\n", changes.dump());
+      return;
+    }
+    for (const Json& change : changes) {
+      fmt::print("{} {} -> {}\n", change["key"].get<std::string>(),
+                 change["was"].get<std::string>(), change["is"].get<std::string>());
+    }
+    if (changes.empty()) fmt::print("{} has that value already\n", asked->key);
+  });
+}
+
 void add_radio(CLI::App& app) {
   auto asked = std::make_shared<Asked>();
   auto state = std::make_shared<std::string>();
@@ -172,7 +187,7 @@ void add_radio(CLI::App& app) {
 }  // namespace
 
 void add_daemon_commands(CLI::App& app) {
-  add_question(app, "status", "How a running daemon is", "status", print_status);
+  add_status(app);
   add_question(app, "peers", "The other agents that a running daemon hears", "peers",
                [](const Json& peers) {
                  for (const Json& peer : peers) print_peer(peer);
@@ -184,6 +199,9 @@ void add_daemon_commands(CLI::App& app) {
                "closures", print_closures);
   add_closure_add(*closure);
   add_why(app);
+  add_question(app, "maplets", "The maplets in the skeleton, and where they are", "maplets",
+               print_maplets);
+  add_set(app);
   add_radio(app);
 }
 

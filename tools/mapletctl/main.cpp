@@ -24,6 +24,7 @@ int main(int argc, char** argv) {
   app.require_subcommand(1);
   add_daemon_commands(app);
   app.set_version_flag("--version", "mapletctl " MAPLET_VERSION);
+  add_check(app);
   add_draw(app);
   add_eval(app);
   add_export(app);
@@ -34,6 +35,7 @@ int main(int argc, char** argv) {
   add_show(app);
   add_simulate(app);
   add_solve(app);
+  add_top(app);
   add_version(app);
   add_watch(app);
   try {

@@ -1,0 +1,132 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#include "tools/mapletctl/status_text.hpp"
+
+#include <fmt/core.h>
+
+namespace maplet::ctl {
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+/// One metric: its name and kind once, then its samples.
+class Metric {
+ public:
+  Metric(std::string& text, std::string name, const char* type, const char* help)
+      : text_{text}, name_{"mapletd_" + std::move(name)} {
+    text_ += fmt::format("# HELP {0} {1}\n# TYPE {0} {2}\n", name_, help, type);
+  }
+  void sample(double value, const std::string& labels = "") const {
+    text_ += fmt::format("{}{} {}\n", name_, labels.empty() ? "" : "{" + labels + "}", value);
+  }
+
+ private:
+  std::string& text_;
+  std::string name_;
+};
+
+double number(const Json& value) {
+  if (value.is_boolean()) return value.get<bool>() ? 1.0 : 0.0;
+  return value.is_number() ? value.get<double>() : 0.0;
+}
+
+}  // namespace
+
+void print_peer(const Json& peer) {
+  fmt::print("agent {:<5} heard {:.1f} s ago{}  {}  {} records  loss {:.0f} %",
+             peer["agent"].get<int>(), peer["heard_s_ago"].get<double>(),
+             peer["ended"].get<bool>() ? " (an ended life)" : "",
+             peer["in_sync"].get<bool>() ? "in sync" : "not in sync", peer["records"].get<long>(),
+             100.0 * peer["loss"].get<double>());
+  const Json& held = peer["held"];
+  fmt::print("  held of it: {} delta-poses, {} closures, {} maplets\n",
+             held["delta_poses"].get<long>(), held["closures"].get<long>(),
+             held["maplets"].get<long>());
+}
+
+void print_status(const Json& s) {
+  fmt::print("agent {} ({:08x}): {}, up {:.0f} s\n", s["agent"].get<int>(),
+             s["epoch"].get<std::uint32_t>(), s["state"].get<std::string>(),
+             s["uptime_s"].get<double>());
+  fmt::print("frames    {} read, {} dropped; {}, {} lost\n", s["frames"]["read"].get<long>(),
+             s["frames"]["dropped"].get<long>(),
+             s["tracking"]["now"].get<bool>() ? "tracking" : "not tracking",
+             s["tracking"]["lost"].get<long>());
+  fmt::print("map       {} maplets, {} delta-poses, {} closures; skeleton {} nodes, {} factors{}\n",
+             s["maplets"].get<long>(), s["delta_poses"].get<long>(), s["closures"].get<long>(),
+             s["skeleton"]["nodes"].get<long>(), s["skeleton"]["factors"].get<long>(),
+             s["skeleton"]["settled"].get<bool>() ? ", settled" : "");
+  fmt::print("memory    {:.1f} MiB arena, {:.1f} MiB in all\n",
+             s["memory"]["arena_bytes"].get<double>() / 1048576.0,
+             s["memory"]["rss_bytes"].get<double>() / 1048576.0);
+  if (s.contains("exchange")) {
+    const Json& e = s["exchange"];
+    fmt::print("exchange  {}, {} listeners, {} records, {} missing, {} bytes sent ({} by DDS)\n",
+               !e["open"].get<bool>()    ? "waiting for the interface"
+               : e["silent"].get<bool>() ? "silent"
+                                         : "open",
+               e["listeners"].get<long>(), e["records"].get<long>(), e["missing"].get<long>(),
+               e["wire_bytes"].get<long>(), e["dds_bytes"].get<long>());
+    if (e["conflicts"].get<long>() > 0) {
+      fmt::print("          two devices call themselves agent {}: give each its own --agent\n",
+                 e["conflicting_agent"].get<int>());
+    }
+  }
+  for (const Json& peer : s["peers"]) print_peer(peer);
+}
+
+std::string prometheus_text(const Json& s) {
+  std::string text;
+  Metric{text, "state", "gauge", "1 for the state that the daemon is in"}.sample(
+      1.0, fmt::format("state=\"{}\"", s["state"].get<std::string>()));
+  Metric{text, "uptime_seconds", "gauge", "Since its start"}.sample(number(s["uptime_s"]));
+  const Metric frames{text, "frames_total", "counter", "Depth frames by what became of them"};
+  for (const auto& [kind, value] : s["frames"].items()) {
+    frames.sample(number(value), fmt::format("kind=\"{}\"", kind));
+  }
+  Metric{text, "tracking", "gauge", "1 while the camera is tracked"}.sample(
+      number(s["tracking"]["now"]));
+  Metric{text, "frames_lost_total", "counter", "Frames that were not tracked"}.sample(
+      number(s["tracking"]["lost"]));
+  for (const char* what : {"maplets", "delta_poses", "closures"}) {
+    Metric{text, std::string{what} + "_total", "counter", "Made since the start"}.sample(
+        number(s[what]));
+  }
+  Metric{text, "skeleton_nodes", "gauge", "Maplets in the skeleton"}.sample(
+      number(s["skeleton"]["nodes"]));
+  Metric{text, "skeleton_factors", "gauge", "Relations in the skeleton"}.sample(
+      number(s["skeleton"]["factors"]));
+  const Metric cpu{text, "stage_cpu_seconds", "gauge", "CPU time of a stage, by quantile"};
+  for (const auto& [stage, time] : s["stages"].items()) {
+    cpu.sample(number(time["p50_us"]) / 1e6, fmt::format("stage=\"{}\",quantile=\"0.5\"", stage));
+    cpu.sample(number(time["p99_us"]) / 1e6, fmt::format("stage=\"{}\",quantile=\"0.99\"", stage));
+  }
+  const Metric misses{text, "deadline_misses_total", "counter", "Runs of a stage over its budget"};
+  for (const auto& [stage, time] : s["stages"].items()) {
+    misses.sample(number(time["deadline_misses"]), fmt::format("stage=\"{}\"", stage));
+  }
+  for (const char* what : {"arena_bytes", "rss_bytes", "peak_rss_bytes", "limit_bytes"}) {
+    if (!s["memory"].contains(what) || s["memory"][what].is_null()) continue;
+    Metric{text, fmt::format("memory_{}", what), "gauge", "Memory of the process"}.sample(
+        number(s["memory"][what]));
+  }
+  if (s.contains("exchange")) {
+    const Json& e = s["exchange"];
+    Metric{text, "wire_bytes_total", "counter", "IP bytes sent to other agents"}.sample(
+        number(e["wire_bytes"]));
+    Metric{text, "records", "gauge", "Records of all agents held here"}.sample(
+        number(e["records"]));
+    Metric{text, "records_missing", "gauge", "Records known to be missing here"}.sample(
+        number(e["missing"]));
+  }
+  if (!s["peers"].empty()) {
+    const Metric heard{text, "peer_heard_seconds", "gauge", "Since another agent was heard"};
+    for (const Json& peer : s["peers"]) {
+      heard.sample(number(peer["heard_s_ago"]),
+                   fmt::format("agent=\"{}\"", peer["agent"].get<int>()));
+    }
+  }
+  return text;
+}
+
+}  // namespace maplet::ctl

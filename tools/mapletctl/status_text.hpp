@@ -1,0 +1,17 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <string>
+
+namespace maplet::ctl {
+
+/// The answer to "status" for a person.
+void print_status(const nlohmann::ordered_json& status);
+void print_peer(const nlohmann::ordered_json& peer);
+
+/// The answer to "status" in the text format that Prometheus reads: counters end in _total, bytes
+/// and seconds are the units.
+[[nodiscard]] std::string prometheus_text(const nlohmann::ordered_json& status);
+
+}  // namespace maplet::ctl
