@@ -9,9 +9,14 @@
 #include "core/agent/agent.hpp"
 #include "core/base/arena.hpp"
 #include "core/ports/depth_source.hpp"
+#include "daemon/capture_thread.hpp"
 #include "daemon/config.hpp"
 #include "daemon/console.hpp"
+#include "daemon/governor.hpp"
+#include "daemon/heartbeat.hpp"
+#include "daemon/live_config.hpp"
 #include "daemon/log.hpp"
+#include "daemon/memory_status.hpp"
 #include "daemon/options.hpp"
 #include "daemon/own_records.hpp"
 #include "daemon/pacer.hpp"
@@ -19,6 +24,8 @@
 #include "daemon/run_output.hpp"
 #include "daemon/run_totals.hpp"
 #include "daemon/stage_stats.hpp"
+#include "daemon/status_board.hpp"
+#include "daemon/supervisor.hpp"
 #include "transport/dds/publisher.hpp"
 
 namespace maplet::daemon {
@@ -40,28 +47,40 @@ class App {
   [[nodiscard]] int run();
 
  private:
+  static constexpr int kMeetings = 8;  ///< steps of looking for common places, while no frame waits
   enum class Read : std::uint8_t { kFrame, kNothing, kEnd, kFailed };
 
-  // Start-up; exit codes.
+  // app_open.cpp: start-up; exit codes.
   [[nodiscard]] int open();
-  [[nodiscard]] int open_source();  // the service waits here for a camera
+  [[nodiscard]] int open_source(bool again);  // the service waits here for a camera
+  void take_source(std::unique_ptr<DepthSource> source);
+  void close_source();
+  [[nodiscard]] SourceCounters source_counters() const;
+  [[nodiscard]] bool allowed(const std::optional<std::string>& problem);  // to run without
+  void open_console();  // for mapletctl; does without it
+  void reload();        // the housekeeping thread's
 
-  // The loop.
+  // app.cpp: the loop.
   [[nodiscard]] bool loop();  // until the end, a signal, or a failure: false
   [[nodiscard]] Read read(DepthFrame& frame);
   void process(const DepthFrame& frame);
+  /// Of work with this budget: in fast pace none at all.
+  [[nodiscard]] Deadline deadline(Duration budget) const noexcept {
+    return pace_ == Pace::kFast ? Deadline::never() : Deadline{monotonic_, budget};
+  }
   void hand_out(const MapletCut* closed);
   void listen(int meetings);  // to what others found out
-  void open_console();        // for mapletctl; does without it
   void rest();                // the service has nothing to see: it goes on exchanging
   template <class Record>
   void publish(const Record& record);
   void say_detail();  // what the source had to skip, once
-  [[nodiscard]] StatusRecord status(StatusRecord::State state) const;
   void say_tracking(const Track& track) noexcept;
+
+  // app_status.cpp
+  [[nodiscard]] StatusRecord status(StatusRecord::State state) const;
   void publish_status(StatusRecord::State state);
 
-  // The end of a finite run.
+  // app_finish.cpp: the end of a finite run.
   [[nodiscard]] int finish();
   [[nodiscard]] bool draw();
   [[nodiscard]] bool write_report();
@@ -73,22 +92,33 @@ class App {
   StageMeters meters_;
   OwnRecords records_;
   Arena::Owned<Agent> agent_;
-  Pacer pacer_;
+  Pace pace_;
   RunTotals totals_;
+  std::unique_ptr<FramePool> frames_;  ///< none in fast pace
   std::unique_ptr<DepthSource> source_;
+  CaptureThread* capture_ = nullptr;  ///< source_, where it has a thread of its own
+  Governor governor_;
   std::unique_ptr<RunOutput> output_;
   std::unique_ptr<DdsPublisher> publisher_;
   std::unique_ptr<RadioLink> radio_;
+  LiveConfig live_;
+  StatusBoard board_;
+  std::unique_ptr<MemoryStatus> memory_;
   std::unique_ptr<Console> console_;  ///< asks the radio: ends before it
+  Heartbeat heart_;                   ///< of the loop
   MonotonicClock monotonic_;
   Instant start_;
+  Duration budget_;  ///< of a frame
+  Duration given_;   ///< of it, what the governor lets the stages have
   Instant last_status_{};
   Stamp last_stamp_{};
   bool tracking_ = false;
-  int timeouts_ = 0;  ///< in a row
-  FewLines warnings_;
-  std::string said_;
+  int timeouts_ = 0;   ///< in a row
+  FewLines warnings_;  ///< written by the housekeeping thread
+  Line said_;
+  SourceCounters gone_;  ///< of sources that were closed
   std::array<std::byte, kMaxMapletBytes> maplet_bytes_{};
+  std::unique_ptr<Supervisor> supervisor_;  ///< looks at much of the above: ends first
 };
 
 }  // namespace maplet::daemon

@@ -88,6 +88,25 @@ struct ControlConfig {
   };
 };
 
+/// What the kernel is asked for. Section [realtime].
+struct RealtimeConfig {
+  int capture_priority = 0;
+  int estimator_priority = 0;
+  bool lock_memory = true;
+  bool required = false;
+
+  static constexpr Field<RealtimeConfig> kFields[] = {
+      {"capture_priority", &RealtimeConfig::capture_priority, 0, 99,
+       "First-in first-out priority of the thread that reads the camera; 0 = as any other"},
+      {"estimator_priority", &RealtimeConfig::estimator_priority, 0, 99,
+       "The same of the estimator's; below capture's"},
+      {"lock_memory", &RealtimeConfig::lock_memory, 0, 0,
+       "Keep the arena out of the way of swapping"},
+      {"required", &RealtimeConfig::required, 0, 0,
+       "Refuse to start where the kernel grants less; else say it and run"},
+  };
+};
+
 struct Config {
   InputConfig input;
   CameraConfig camera;
@@ -97,6 +116,7 @@ struct Config {
   RadioConfig radio;
   SyncConfig exchange;
   ControlConfig control;
+  RealtimeConfig realtime;
 };
 
 }  // namespace maplet::daemon

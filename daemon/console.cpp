@@ -13,18 +13,11 @@ constexpr double kRejected = 1e-3;  // a weight below is none
 }  // namespace
 
 std::string Console::open(const std::string& path) {
-  auto server = ControlServer::start(path, identity_.agent,
+  auto server = ControlServer::start(path, about_us_.identity.agent,
                                      [this](const std::string& line) { return reply(line); });
   if (!server) return server.error();
   server_ = std::move(*server);
   return {};
-}
-
-void Console::note(const StatusRecord& status, const Skeleton& skeleton, bool settled) noexcept {
-  const std::unique_lock lock{mutex_, std::try_to_lock};
-  if (!lock) return;  // the next second
-  status_ = status;
-  settled_ = settled && skeleton.stop() == Stop::kConverged;
 }
 
 bool Console::ask(Question question, int agent) {
@@ -45,6 +38,9 @@ void Console::answer(Agent& agent, Deadline deadline) noexcept {
   switch (question_) {
     case Question::kClosures:
       list_closures(agent);
+      break;
+    case Question::kMaplets:
+      list_maplets(agent);
       break;
     case Question::kWhy:
       look_into(agent);
@@ -70,6 +66,18 @@ void Console::list_closures(const Agent& agent) noexcept {
     if (closure_count_ == kMaxClosures) return;
     closures_[closure_count_++] = {refused.a, refused.b, 0.0, 0.0, refused.T_a_b.se3.t.norm(),
                                    true};
+  }
+}
+
+void Console::list_maplets(const Agent& agent) noexcept {
+  const Skeleton& skeleton = agent.skeleton();
+  maplet_count_ = 0;
+  for (int i = 0; i < skeleton.node_count() && maplet_count_ < kMaxMaplets; ++i) {
+    const Skeleton::NodeView node = skeleton.node(i);
+    const bool own =
+        node.key.agent == about_us_.identity.agent && node.key.epoch == about_us_.identity.epoch;
+    const auto held = own ? agent.maplets().find(node.key.id) : std::nullopt;
+    maplets_[maplet_count_++] = {node, held ? static_cast<std::uint32_t>(held->size()) : 0};
   }
 }
 
@@ -104,7 +112,8 @@ void Console::look_into(const Agent& agent) noexcept {
   MapletKey gauge;
   for (int i = 0; i < skeleton.node_count(); ++i) {
     const Skeleton::NodeView node = skeleton.node(i);
-    if (node.key.agent != identity_.agent || node.key.epoch != identity_.epoch) continue;
+    if (node.key.agent != about_us_.identity.agent || node.key.epoch != about_us_.identity.epoch)
+      continue;
     gauge = node.gauge;
     own_gauge = &gauge;
   }

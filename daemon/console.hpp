@@ -10,8 +10,10 @@
 
 #include "core/agent/agent.hpp"
 #include "daemon/control_server.hpp"
+#include "daemon/live_config.hpp"
+#include "daemon/memory_status.hpp"
 #include "daemon/radio_link.hpp"
-#include "transport/exchange/status_record.hpp"
+#include "daemon/status_board.hpp"
 
 namespace maplet::daemon {
 
@@ -21,19 +23,25 @@ namespace maplet::daemon {
 /// copies numbers into fixed memory, the server's thread makes text of them.
 ///
 /// Memory   fixed on the estimator's side.
-/// Threads  note() and attend() from the estimator's thread, without waiting or allocation; the
-///   rest from the server's.
+/// Threads  attend() from the estimator's thread, without waiting or allocation; the rest from the
+///   server's.
 class Console {
  public:
-  Console(AgentIdentity identity, RadioLink* radio) noexcept : identity_{identity}, radio_{radio} {}
+  /// What it tells of, and what it changes.
+  struct Subjects {
+    AgentIdentity identity;
+    const StatusBoard& board;
+    const MemoryStatus& memory;
+    LiveConfig& config;
+    RadioLink* radio;  ///< nullptr: --no-dds
+  };
+  explicit Console(const Subjects& subjects) noexcept : about_us_{subjects} {}
 
   /// @return one line that says why nobody can ask, or nothing
   [[nodiscard]] std::string open(const std::string& path);
   [[nodiscard]] bool is_open() const noexcept { return server_ != nullptr; }
   void close() noexcept { server_.reset(); }
 
-  /// The present state, about once a second.
-  void note(const StatusRecord& status, const Skeleton& skeleton, bool settled) noexcept;
   /// Answers what waits. Call it often.
   void attend(Agent& agent, Deadline deadline) noexcept {
     if (asked_.load(std::memory_order_acquire)) answer(agent, deadline);
@@ -41,7 +49,12 @@ class Console {
 
  private:
   static constexpr std::size_t kMaxClosures = 1024;
-  enum class Question : std::uint8_t { kClosures, kWhy, kAdd };
+  static constexpr std::size_t kMaxMaplets = 4096;
+  enum class Question : std::uint8_t { kClosures, kWhy, kAdd, kMaplets };
+  struct MapletLine {
+    Skeleton::NodeView node;
+    std::uint32_t bytes = 0;  ///< of one of ours; 0 = gone, or another's
+  };
   struct ClosureLine {
     MapletKey a;
     MapletKey b;
@@ -61,6 +74,7 @@ class Console {
   // console.cpp: the estimator's side
   void answer(Agent& agent, Deadline deadline) noexcept;
   void list_closures(const Agent& agent) noexcept;
+  void list_maplets(const Agent& agent) noexcept;
   void add_closure(Agent& agent, Deadline deadline) noexcept;
   void look_into(const Agent& agent) noexcept;
   /// Asks the estimator. @return false when it did not answer in time
@@ -68,19 +82,16 @@ class Console {
 
   // console_text.cpp: the server's side
   [[nodiscard]] std::string reply(const std::string& line);
-  [[nodiscard]] std::string status_text() const;
+  [[nodiscard]] std::string status_text() const;  // status_text.cpp
   [[nodiscard]] std::string peers_text() const;
   [[nodiscard]] std::string why_text(int agent);
   [[nodiscard]] std::string closures_text();
+  [[nodiscard]] std::string maplets_text();
   [[nodiscard]] std::string add_text(const std::string& line);
+  [[nodiscard]] std::string set_text(const std::string& key, const std::string& value);
   [[nodiscard]] std::string radio_text(const std::string& what);
 
-  AgentIdentity identity_;
-  RadioLink* radio_;  ///< nullptr: --no-dds
-  mutable std::mutex mutex_;
-  StatusRecord status_;
-  bool settled_ = false;
-
+  Subjects about_us_;
   std::mutex question_mutex_;
   std::condition_variable answered_cv_;
   std::atomic<bool> asked_{false};
@@ -89,6 +100,8 @@ class Console {
   int about_ = 0;
   std::size_t closure_count_ = 0;
   std::array<ClosureLine, kMaxClosures> closures_;
+  std::size_t maplet_count_ = 0;
+  std::array<MapletLine, kMaxMaplets> maplets_;
   struct Why {
     std::uint32_t nodes = 0;          ///< of that agent in the skeleton
     std::uint32_t related = 0;        ///< of these in one group with ours

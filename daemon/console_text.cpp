@@ -4,9 +4,9 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "core/ports/stage_meter.hpp"
 #include "daemon/console.hpp"
-#include "transport/exchange/record_key.hpp"
+#include "daemon/log.hpp"
+#include "daemon/status_json.hpp"
 
 namespace maplet::daemon {
 
@@ -14,80 +14,10 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-std::string hex(std::uint64_t value) { return fmt::format("{:016x}", value); }
-
 Json error(const std::string& what) { return {{"error", what}}; }
 
 Json key_json(const MapletKey& key) {
   return {{"agent", key.agent}, {"epoch", key.epoch}, {"id", key.id}};
-}
-
-Json streams_json(const std::array<std::uint32_t, kStreams>& counts) {
-  Json json;
-  for (std::size_t i = 0; i < kStreams; ++i) {
-    json[std::string{to_string(static_cast<Stream>(i))}] = counts[i];
-  }
-  return json;
-}
-
-Json peer_json(const RadioStatus::PeerStatus& status) {
-  const Peer& peer = status.peer;
-  const double all = static_cast<double>(peer.datagrams + peer.lost);
-  Json json{{"agent", peer.life.agent},
-            {"epoch", peer.life.epoch},
-            {"heard_s_ago", status.silent_s},
-            {"in_sync", status.in_sync},
-            {"ended", peer.superseded},
-            {"records", peer.records},
-            {"held", streams_json(status.held_of)},
-            {"datagrams", peer.datagrams},
-            {"loss", all > 0.0 ? static_cast<double>(peer.lost) / all : 0.0},
-            {"bytes", peer.bytes},
-            {"new_records", peer.new_records}};
-  if (peer.has_offset) {
-    json["clock_offset_s"] = seconds(peer.clock_offset);
-    json["round_trip_s"] = seconds(peer.delay);
-  }
-  return json;
-}
-
-Json exchange_json(const RadioStatus& radio) {
-  const NodeCounters& n = radio.counters;
-  return {{"open", radio.open},
-          {"silent", radio.silent},
-          {"in_sync", radio.settled},
-          {"listeners", radio.listeners},
-          {"records", radio.records},
-          {"records_digest", hex(radio.records_digest)},
-          {"own", streams_json(radio.own)},
-          {"missing", radio.missing},
-          {"wire_bytes", radio.wire_bytes},
-          {"dds_bytes", radio.dds_bytes},
-          {"bytes_last_10_s", radio.window_bytes},
-          {"delta_pose_bytes", radio.lane_bytes[0]},
-          {"closure_bytes", radio.lane_bytes[1]},
-          {"range_bytes", radio.lane_bytes[2]},
-          {"control_bytes", radio.lane_bytes[3]},
-          {"maplet_bytes", radio.lane_bytes[4]},
-          {"conflicts", radio.conflicts},
-          {"conflicting_agent", radio.conflicting_agent},
-          {"datagrams",
-           {{"in", n.datagrams_in},
-            {"out", n.datagrams_out},
-            {"damaged", n.damaged},
-            {"future", n.future},
-            {"malformed", n.malformed}}},
-          {"received", n.received},
-          {"duplicates", n.duplicates},
-          {"conflicting", n.conflicting},
-          {"forged_own", n.forged_own},
-          {"refused", n.refused},
-          {"maplets",
-           {{"kept", radio.maplets.kept},
-            {"received", radio.maplets.received},
-            {"damaged", radio.maplets.damaged},
-            {"given_up", radio.maplets.given_up},
-            {"bytes_sent", radio.maplets.bytes_sent}}}};
 }
 
 }  // namespace
@@ -102,60 +32,27 @@ std::string Console::reply(const std::string& line) {
   if (command == "status") return status_text();
   if (command == "peers") return peers_text();
   if (command == "closures") return closures_text();
+  if (command == "maplets") return maplets_text();
   if (command == "add") return add_text(line);
+  if (command == "set") {
+    return set_text(question.value("key", std::string{}), question.value("value", std::string{}));
+  }
   if (command == "radio") return radio_text(question.value("state", std::string{}));
   if (command == "why" && agent.is_number_integer()) return why_text(agent.get<int>());
   return error("mapletd does not know '" + command + "': mapletctl is newer, or older").dump();
 }
 
 std::string Console::status_text() const {
-  StatusRecord s;
-  bool settled = false;
-  {
-    const std::scoped_lock lock{mutex_};
-    s = status_;
-    settled = settled_;
-  }
-  const auto radio = radio_ == nullptr ? nullptr : std::make_unique<RadioStatus>(radio_->status());
-  Json json{{"agent", identity_.agent},
-            {"epoch", identity_.epoch},
-            {"state", to_string(s.state)},
-            {"uptime_s", static_cast<double>(s.uptime_ms) / 1e3},
-            {"frames",
-             {{"read", s.frames_read},
-              {"processed", s.frames_processed},
-              {"dropped", s.frames_dropped}}}};
-  for (std::size_t i = 0; i < kStages; ++i) {
-    const StageTime& t = s.stages[i];
-    json["stages"][std::string{kStageNames[i]}] = {{"p50_us", t.p50_us},
-                                                   {"p99_us", t.p99_us},
-                                                   {"max_us", t.max_us},
-                                                   {"deadline_misses", t.deadline_misses}};
-  }
-  json["memory"] = {{"arena_bytes", s.arena_bytes}, {"rss_bytes", s.rss_bytes}};
-  json["tracking"] = {{"now", s.tracking}, {"keyframes", s.keyframes}, {"lost", s.frames_lost}};
-  json["maplets"] = s.maplets;
-  json["delta_poses"] = s.delta_poses;
-  json["closures"] = s.closures;
-  json["skeleton"] = {{"nodes", s.nodes},
-                      {"factors", s.factors},
-                      {"settled", settled},
-                      {"records_digest", hex(radio ? radio->records_digest : 0)}};
-  json["peers"] = Json::array();
-  if (radio) {
-    json["exchange"] = exchange_json(*radio);
-    for (std::size_t i = 0; i < radio->peer_count; ++i) {
-      json["peers"].push_back(peer_json(radio->peers[i]));
-    }
-  }
-  json["journal"] = {{"flushed", Json::object()}};
-  return json.dump();
+  const auto radio = about_us_.radio == nullptr
+                         ? nullptr
+                         : std::make_unique<RadioStatus>(about_us_.radio->status());
+  return status_json(about_us_.board.read(), about_us_.memory, radio.get()).dump();
 }
 
 std::string Console::peers_text() const {
   Json json = Json::array();
-  if (radio_ != nullptr) {
-    const auto radio = std::make_unique<RadioStatus>(radio_->status());
+  if (about_us_.radio != nullptr) {
+    const auto radio = std::make_unique<RadioStatus>(about_us_.radio->status());
     for (std::size_t i = 0; i < radio->peer_count; ++i) {
       json.push_back(peer_json(radio->peers[i]));
     }
@@ -165,8 +62,8 @@ std::string Console::peers_text() const {
 
 std::string Console::why_text(int agent) {
   Json json{{"agent", agent}, {"heard", false}};
-  if (radio_ != nullptr) {
-    const auto radio = std::make_unique<RadioStatus>(radio_->status());
+  if (about_us_.radio != nullptr) {
+    const auto radio = std::make_unique<RadioStatus>(about_us_.radio->status());
     for (std::size_t i = 0; i < radio->peer_count; ++i) {
       if (radio->peers[i].peer.life.agent != agent || radio->peers[i].peer.superseded) continue;
       json["heard"] = true;
@@ -184,7 +81,7 @@ std::string Console::why_text(int agent) {
   const bool merged = why_.related > 0;
   json["merged"] = merged;
   std::string reason;
-  if (agent == identity_.agent) {
+  if (agent == about_us_.identity.agent) {
     reason = "that is this agent";
   } else if (merged) {
     reason =
@@ -221,6 +118,34 @@ std::string Console::closures_text() {
   return json.dump();
 }
 
+std::string Console::maplets_text() {
+  if (!ask(Question::kMaplets, 0)) return error("the estimator did not answer within 3 s").dump();
+  Json json = Json::array();
+  for (std::size_t i = 0; i < maplet_count_; ++i) {
+    const MapletLine& line = maplets_[i];
+    const Eigen::Vector3d& t = line.node.T_world_maplet.t;
+    const Eigen::Quaterniond& q = line.node.T_world_maplet.q;
+    json.push_back({{"agent", line.node.key.agent},
+                    {"epoch", line.node.key.epoch},
+                    {"id", line.node.key.id},
+                    {"bytes", line.bytes},
+                    {"map", key_json(line.node.gauge)},
+                    {"T_map_maplet", {t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w()}}});
+  }
+  return json.dump();
+}
+
+std::string Console::set_text(const std::string& key, const std::string& value) {
+  const auto changes = about_us_.config.set(key, value);
+  if (!changes) return error(changes.error()).dump();
+  log_info("set by mapletctl: " + to_line(*changes));
+  Json json = Json::array();
+  for (const ConfigChange& change : *changes) {
+    json.push_back({{"key", change.key}, {"was", change.was}, {"is", change.is}});
+  }
+  return json.dump();
+}
+
 std::string Console::add_text(const std::string& line) {
   const Json q = Json::parse(line, nullptr, false);
   const Json pose = q.value("T_a_b", Json{});
@@ -253,9 +178,10 @@ std::string Console::add_text(const std::string& line) {
 }
 
 std::string Console::radio_text(const std::string& what) {
-  if (radio_ == nullptr) return error("mapletd runs with --no-dds: there is no radio").dump();
+  if (about_us_.radio == nullptr)
+    return error("mapletd runs with --no-dds: there is no radio").dump();
   if (what != "silent" && what != "on") return error("radio: silent or on").dump();
-  radio_->set_silent(what == "silent");
+  about_us_.radio->set_silent(what == "silent");
   return Json{{"radio", what}}.dump();
 }
 

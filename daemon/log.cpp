@@ -6,6 +6,7 @@
 #include <spdlog/spdlog.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <memory>
 
@@ -34,10 +35,24 @@ void log_info(std::string_view line) { logger().info(line); }
 void log_warning(std::string_view line) { logger().warn(line); }
 void log_error(std::string_view line) { logger().error(line); }
 
-void FewLines::say(std::string_view line) {
-  if (left_ == 0) return;
-  log_warning(line);
-  if (--left_ == 0) log_warning("more of this kind is counted and not said (report, status)");
+FewLines::FewLines() : lines_{64}, refilled_{clock_.now()} {}
+
+void FewLines::say(std::string_view line) noexcept {
+  constexpr double kPerSecond = 0.1;
+  const Instant now = clock_.now();
+  left_ = std::min<double>(kAtOnce, left_ + kPerSecond * seconds(now - refilled_));
+  refilled_ = now;
+  if (left_ < 1.0) return;
+  left_ -= 1.0;
+  (void)lines_.push(Line{line.data(), std::min(line.size(), kMaxLineBytes)});
+  if (left_ < 1.0) {
+    constexpr std::string_view kMore = "more of this kind is counted, and said now and then";
+    (void)lines_.push(Line{kMore.data(), kMore.size()});
+  }
+}
+
+void FewLines::flush() {
+  lines_.consume_all([](const Line& line) { log_warning(view(line)); });
 }
 
 }  // namespace maplet::daemon

@@ -1,7 +1,11 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <boost/lockfree/spsc_queue.hpp>
 #include <string_view>
+
+#include "core/base/clock.hpp"
+#include "drivers/line.hpp"
 
 namespace maplet::daemon {
 
@@ -11,14 +15,23 @@ void log_info(std::string_view line);
 void log_warning(std::string_view line);
 void log_error(std::string_view line);
 
-/// Warnings that could go on for ever: the first few are said, the rest only counted by whoever
-/// reports. Does not allocate for lines of up to 200 characters.
+/// Warnings of the frame path that could go on for ever: ten at once, then one more every ten
+/// seconds; the rest is counted by whoever reports.
+///
+/// Memory   64 lines. Threads  say() by one, without waiting and allocation; flush() by another.
 class FewLines {
  public:
-  void say(std::string_view line);
+  FewLines();
+  void say(std::string_view line) noexcept;
+  /// Writes what was said.
+  void flush();
 
  private:
-  int left_ = 10;
+  static constexpr int kAtOnce = 10;
+  boost::lockfree::spsc_queue<Line> lines_;
+  MonotonicClock clock_;
+  double left_ = kAtOnce;
+  Instant refilled_;
 };
 
 }  // namespace maplet::daemon

@@ -9,35 +9,14 @@
 #include "core/base/arena_exhausted.hpp"
 #include "daemon/app.hpp"
 #include "daemon/config_io.hpp"
+#include "daemon/configure.hpp"
 #include "daemon/memory_ledger.hpp"
+#include "daemon/memory_status.hpp"
 #include "daemon/options.hpp"
-#include "drivers/open_source.hpp"
 
 namespace {
 
 using namespace maplet::daemon;
-
-tl::expected<Config, ConfigError> configure(const Options& options) {
-  auto config = options.config_file.empty() ? tl::expected<Config, ConfigError>{Config{}}
-                                            : load_config(options.config_file);
-  for (const std::string& assignment : options.overrides) {
-    if (!config) break;
-    if (const auto set = set_key(*config, assignment); !set) return tl::unexpected{set.error()};
-  }
-  if (config && !options.source.empty()) config->input.source = options.source;
-  if (config && !config->input.source.empty()) {
-    if (const auto uri = maplet::check_source(config->input.source); !uri) {
-      return tl::unexpected{uri.error()};
-    }
-  }
-  if (config) {
-    if (const auto checked = check_together(*config); !checked) {
-      const std::string where = options.config_file.empty() ? "" : options.config_file + ": ";
-      return tl::unexpected{where + checked.error()};
-    }
-  }
-  return config;
-}
 
 int run(int argc, char** argv) {
   Options options;
@@ -49,16 +28,25 @@ int run(int argc, char** argv) {
   }
   switch (options.action) {
     case Options::Action::kCheckConfig:
-      (void)memory_ledger(*config);  // it fits
+      (void)memory_ledger(*config, options.dds);  // it fits
       fmt::print("configuration is valid\n");
       return kExitDone;
     case Options::Action::kPrintConfig:
       fmt::print("{}", print_config(*config));
       return kExitDone;
     case Options::Action::kPrintMemory:
-      fmt::print("{}", memory_ledger(*config));
+      fmt::print("{}", to_text(memory_ledger(*config, options.dds)));
+      return kExitDone;
+    case Options::Action::kPrintUnitLimits:
+      fmt::print("{}", unit_limits(memory_ledger(*config, options.dds)));
       return kExitDone;
     case Options::Action::kRun:
+      if (const auto limit = cgroup_memory_limit()) {
+        if (const auto why = refusal(*config, options.dds, *limit)) {
+          fmt::print(stderr, "mapletd: {}\n", *why);
+          return kExitUsage;
+        }
+      }
       return App{options, *config}.run();
   }
   return kExitUsage;

@@ -3,26 +3,130 @@
 
 #include <fmt/format.h>
 
+#include <memory>
+#include <numeric>
+
 #include "core/agent/agent.hpp"
+#include "core/base/arena_exhausted.hpp"
+#include "daemon/console.hpp"
 #include "daemon/own_records.hpp"
 #include "daemon/radio_link.hpp"
 #include "daemon/stage_stats.hpp"
 
 namespace maplet::daemon {
 
-std::string memory_ledger(const Config& config) {
-  Arena arena;
+namespace {
+
+constexpr std::size_t kMiB = std::size_t{1} << 20;
+constexpr std::size_t kKiB = std::size_t{1} << 10;
+
+// Measured, and rounded up: docs/memory.md.
+constexpr std::size_t kParticipantBytes = 2 * kMiB;  // one Cyclone participant, idle
+constexpr std::size_t kKeptDeltaPoseBytes = 4400;    // a sample in a writer's history
+constexpr std::size_t kQueueBytes = 768 * kKiB;      // the publisher's
+constexpr std::size_t kStackBytes = 128 * kKiB;      // what a thread touches of its stack
+constexpr std::size_t kOwnThreads = 6;
+constexpr std::size_t kDdsThreads = 10;
+constexpr std::size_t kRuntimeBytes = 2 * kMiB;   // allocator, log, configuration
+constexpr std::size_t kCameraFrames = 8;          // the runtime's and the driver's
+constexpr std::size_t kProgramBytes = 16 * kMiB;  // pages of the program and its libraries
+
+void add(MemoryLedger& ledger, std::string_view component, std::size_t count, std::size_t bytes) {
+  ledger.beside.push_back({component, count, count * bytes});
+}
+
+void add_beside(MemoryLedger& ledger, const Config& config, bool dds) {
+  add(ledger, "stage meters", 1, sizeof(StageMeters));
+  add(ledger, "control answers", 1, sizeof(Console));
+  add(ledger, "threads/ours, stacks", kOwnThreads, kStackBytes);
+  add(ledger, "runtime", 1, kRuntimeBytes);
+  if (dds) {
+    add(ledger, "radio/queues", 1, sizeof(RadioLink) + 2 * kMiB);
+    add(ledger, "dds/participants", 2, kParticipantBytes);
+    add(ledger, "dds/threads, stacks", kDdsThreads, kStackBytes);
+    add(ledger, "dds/publisher queues", 1, kQueueBytes);
+    add(ledger, "dds/delta-pose history", static_cast<std::size_t>(config.dds.delta_pose_history),
+        kKeptDeltaPoseBytes);
+    add(ledger, "dds/maplet history", static_cast<std::size_t>(config.dds.maplet_history),
+        static_cast<std::size_t>(config.agent.maplet.max_bytes));
+  }
+  if (config.input.source.empty() || config.input.source.starts_with("openni2:")) {
+    const bool known = config.camera.width_px > 0 && config.camera.height_px > 0;
+    const std::size_t pixels = known ? static_cast<std::size_t>(config.camera.width_px) *
+                                           static_cast<std::size_t>(config.camera.height_px)
+                                     : 640 * 480;
+    add(ledger, "openni2/frames", kCameraFrames, pixels * 2);
+    if (config.input.gray == "auto")
+      add(ledger, "openni2/colour frames", kCameraFrames, pixels * 3);
+  }
+}
+
+}  // namespace
+
+MemoryLedger memory_ledger(const Config& config, bool dds, std::size_t most_bytes) {
+  Arena arena{most_bytes};
   const auto meters = std::make_unique<StageMeters>();
   OwnRecords records{{}};
   const auto agent =
       arena.make<Agent>("agent", config.agent, AgentIdentity{}, *meters, records, arena);
-  const RadioLink radio{config, {}, arena};
-  std::string text = fmt::format("{:<40} {:>10} {:>14}\n", "component", "count", "bytes");
-  for (const ArenaEntry& entry : arena.ledger()) {
-    text += fmt::format("{:<40} {:>10} {:>14}\n", entry.component, entry.count, entry.bytes);
+  const auto radio = dds ? std::make_unique<RadioLink>(config, AgentIdentity{}, arena) : nullptr;
+  MemoryLedger ledger;
+  ledger.arena.assign(arena.ledger().begin(), arena.ledger().end());
+  ledger.arena_bytes = arena.used_bytes();
+  add_beside(ledger, config, dds);
+  ledger.total_bytes =
+      std::accumulate(ledger.beside.begin(), ledger.beside.end(), ledger.arena_bytes,
+                      [](std::size_t sum, const ArenaEntry& entry) { return sum + entry.bytes; });
+  return ledger;
+}
+
+std::string to_text(const MemoryLedger& ledger) {
+  constexpr const char* kLine = "{:<40} {:>10} {:>14}\n";
+  std::string text = fmt::format(kLine, "component", "count", "bytes");
+  for (const ArenaEntry& entry : ledger.arena) {
+    text += fmt::format(kLine, entry.component, entry.count, entry.bytes);
   }
-  text += fmt::format("{:<40} {:>10} {:>14}\n", "total (with alignment)", "", arena.used_bytes());
+  text += fmt::format(kLine, "arena (with alignment)", "", ledger.arena_bytes);
+  for (const ArenaEntry& entry : ledger.beside) {
+    text += fmt::format(kLine, entry.component, entry.count, entry.bytes);
+  }
+  text += fmt::format(kLine, "total", "", ledger.total_bytes);
   return text;
+}
+
+std::size_t unit_memory_bytes(const MemoryLedger& ledger) {
+  const std::size_t all = ledger.total_bytes + kProgramBytes;
+  return (all + kMiB - 1) / kMiB * kMiB;
+}
+
+std::string unit_limits(const MemoryLedger& ledger) {
+  return fmt::format(
+      "# Written by mapletd --print-unit-limits for this configuration; put it into\n"
+      "# /etc/systemd/system/mapletd.service.d/limits.conf\n"
+      "[Service]\n"
+      "MemoryMax={}M\n"
+      "MemorySwapMax=0\n"
+      "LimitMEMLOCK={}M\n"
+      "TasksMax={}\n",
+      unit_memory_bytes(ledger) / kMiB, (ledger.arena_bytes + 2 * kMiB) / kMiB + 1,
+      2 * (kOwnThreads + kDdsThreads));
+}
+
+std::optional<std::string> refusal(const Config& config, bool dds,
+                                   std::uint64_t cgroup_limit_bytes) {
+  std::string need;
+  try {
+    const std::size_t bytes = unit_memory_bytes(memory_ledger(config, dds, cgroup_limit_bytes));
+    if (bytes <= cgroup_limit_bytes) return {};
+    need = fmt::format("{} MiB", bytes / kMiB);
+  } catch (const ArenaExhausted& e) {
+    need = e.what();
+  }
+  return fmt::format(
+      "the control group allows {} MiB, this configuration needs {}: lower [limits], maplet and "
+      "skeleton sizes (--print-memory shows what each takes), or raise MemoryMax "
+      "(--print-unit-limits writes it)",
+      cgroup_limit_bytes / kMiB, need);
 }
 
 }  // namespace maplet::daemon

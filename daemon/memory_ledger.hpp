@@ -1,14 +1,43 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstddef>
+#include <optional>
 #include <string>
+#include <vector>
 
+#include "core/base/arena.hpp"
 #include "daemon/config.hpp"
 
 namespace maplet::daemon {
 
-/// What --print-memory prints: every component of the arena with count and bytes, and the total.
+/// All memory that the daemon may take with a configuration, decided before it starts.
+struct MemoryLedger {
+  std::vector<ArenaEntry> arena;  ///< the stages, by component
+  std::size_t arena_bytes = 0;    ///< with alignment
+  std::vector<ArenaEntry>
+      beside;                   ///< bounds of what libraries and our queues take (docs/memory.md)
+  std::size_t total_bytes = 0;  ///< both
+};
+
 /// Builds the stages once to ask them; touches no camera and no network.
-[[nodiscard]] std::string memory_ledger(const Config& config);
+/// @param most_bytes  touches no more than that: throws ArenaExhausted instead
+[[nodiscard]] MemoryLedger memory_ledger(const Config& config, bool dds,
+                                         std::size_t most_bytes = std::size_t{1} << 32);
+
+/// What --print-memory prints.
+[[nodiscard]] std::string to_text(const MemoryLedger& ledger);
+
+/// What MemoryMax has to be: the ledger, and the pages of the program itself.
+[[nodiscard]] std::size_t unit_memory_bytes(const MemoryLedger& ledger);
+
+/// What --print-unit-limits prints: a drop-in for the systemd unit.
+[[nodiscard]] std::string unit_limits(const MemoryLedger& ledger);
+
+/// Whether a limit of the control group leaves room for the configuration. Stays inside the limit
+/// while it looks.
+/// @return what is wrong, on one line
+[[nodiscard]] std::optional<std::string> refusal(const Config& config, bool dds,
+                                                 std::uint64_t cgroup_limit_bytes);
 
 }  // namespace maplet::daemon

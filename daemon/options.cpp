@@ -53,11 +53,14 @@ int parse_options(int argc, char** argv, Options& options) {
   bool check = false;
   bool print_config = false;
   bool print_memory = false;
+  bool print_unit_limits = false;
   app.add_flag("--no-dds", no_dds, "Publish nothing");
   auto* actions = app.add_option_group("instead of running");
   actions->add_flag("--check-config", check, "Check the configuration and exit");
   actions->add_flag("--print-config", print_config, "Print all keys with values and ranges");
   actions->add_flag("--print-memory", print_memory, "Print the memory ledger");
+  actions->add_flag("--print-unit-limits", print_unit_limits,
+                    "Print the limits that the systemd unit needs for this configuration");
   actions->require_option(0, 1);
   try {
     app.parse(argc, argv);
@@ -75,6 +78,7 @@ int parse_options(int argc, char** argv, Options& options) {
   if (check) options.action = Options::Action::kCheckConfig;
   if (print_config) options.action = Options::Action::kPrintConfig;
   if (print_memory) options.action = Options::Action::kPrintMemory;
+  if (print_unit_limits) options.action = Options::Action::kPrintUnitLimits;
   return -1;
 }
 

@@ -9,7 +9,13 @@ namespace maplet::daemon {
 
 /// What the command line of mapletd says.
 struct Options {
-  enum class Action : std::uint8_t { kRun, kCheckConfig, kPrintConfig, kPrintMemory };
+  enum class Action : std::uint8_t {
+    kRun,
+    kCheckConfig,
+    kPrintConfig,
+    kPrintMemory,
+    kPrintUnitLimits,
+  };
   enum class Pace : std::uint8_t { kFast, kRecorded };
 
   Action action = Action::kRun;

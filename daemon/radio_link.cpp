@@ -47,19 +47,29 @@ std::optional<MapletHead> pop_maplet(Queue& queue, std::span<std::byte> bytes) n
   return head;
 }
 
+/// 1 = every maplet, 0 = those near ours, -1 = none.
+int wish_of(const Config& config) noexcept {
+  if (config.exchange.maplets == "all") return 1;
+  return config.exchange.maplets == "near" ? 0 : -1;
+}
+
 std::size_t wire_bytes_of_datagram(const LinkProfile& profile) noexcept {
   return profile.datagram_bytes + kWireOverheadBytes;
 }
 
 }  // namespace
 
+void RadioLink::adjust(const Config& config) noexcept {
+  wish_all_ = wish_of(config);
+  bytes_per_s_ = config.radio.budget_bytes_per_s;
+}
+
 RadioLink::RadioLink(const Config& config, AgentIdentity identity, Arena& arena)
     : config_{config.radio},
       domain_{config.radio.domain(config.dds.domain)},
       identity_{identity},
-      wish_all_{config.exchange.maplets == "all"    ? 1
-                : config.exchange.maplets == "near" ? 0
-                                                    : -1},
+      wish_all_{wish_of(config)},
+      bytes_per_s_{config.radio.budget_bytes_per_s},
       node_{arena.make<ExchangeNode>("exchange/node", config.exchange, config.radio.link_profile(),
                                      static_cast<std::size_t>(config.agent.maplet.max_bytes),
                                      Life{identity.agent, identity.epoch},
@@ -214,6 +224,7 @@ void RadioLink::send(Instant now) noexcept {
     metered_ = bytes;
   };
   charge_others();
+  budget_.set_rate(static_cast<double>(bytes_per_s_.load()));
   const std::uint32_t listeners = radio_->listeners();
   if (listeners > listeners_) node_->wake(now);
   listeners_ = listeners;

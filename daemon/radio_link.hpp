@@ -51,7 +51,7 @@ struct RadioStatus {
 ///
 /// Memory   the node from the arena, queues fixed at construction (about 1 MB).
 /// Threads  publish() and heard() from the estimator's thread, without waiting and without
-///   allocation; status() and set_silent() from any.
+///   allocation; status(), set_silent() and adjust() from any.
 class RadioLink final : private RecordTaker, private FrameTaker {
  public:
   RadioLink(const Config& config, AgentIdentity identity, Arena& arena);
@@ -80,6 +80,8 @@ class RadioLink final : private RecordTaker, private FrameTaker {
   void set_near(std::span<const MapletKey> keys) noexcept;
 
   void set_silent(bool silent) noexcept { silent_ = silent; }
+  /// Takes what may change while it runs: the byte budget, which maplets to ask for.
+  void adjust(const Config& config) noexcept;
   /// Something is still being worked at: linger().
   void stay() noexcept { touched_ = true; }
   [[nodiscard]] bool open() const noexcept { return open_; }
@@ -117,7 +119,8 @@ class RadioLink final : private RecordTaker, private FrameTaker {
   RadioConfig config_;
   int domain_;
   AgentIdentity identity_;
-  int wish_all_;
+  std::atomic<int> wish_all_;
+  std::atomic<int> bytes_per_s_;
   Arena::Owned<ExchangeNode> node_;
   ByteBudget budget_;
   std::unique_ptr<DdsRadio> radio_;

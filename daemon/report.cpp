@@ -1,11 +1,10 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #include "daemon/report.hpp"
 
-#include <sys/resource.h>
-
 #include <nlohmann/json.hpp>
 
 #include "daemon/alloc_counter.hpp"
+#include "daemon/memory_status.hpp"
 #include "transport/exchange/delta_pose_record.hpp"
 
 namespace maplet::daemon {
@@ -57,12 +56,6 @@ Json memory_json(std::size_t arena_bytes) {
 }
 
 }  // namespace
-
-std::size_t peak_rss_bytes() noexcept {
-  rusage usage{};
-  getrusage(RUSAGE_SELF, &usage);
-  return static_cast<std::size_t>(usage.ru_maxrss) * 1024;
-}
 
 std::string report_json(const RunTotals& totals, const SourceCounters& source,
                         const StageMeters& meters, std::size_t arena_bytes,

@@ -11,15 +11,6 @@
 
 namespace maplet::daemon {
 
-/// What report.json says of the process.
-struct MemoryFigures {
-  std::size_t arena_bytes = 0;
-  std::size_t peak_rss_bytes = 0;
-};
-
-/// Peak resident memory of this process so far.
-[[nodiscard]] std::size_t peak_rss_bytes() noexcept;
-
 /// report.json (docs/output.md). `radio`: nullptr without DDS. Allocates: only after the run.
 [[nodiscard]] std::string report_json(const RunTotals& totals, const SourceCounters& source,
                                       const StageMeters& meters, std::size_t arena_bytes,

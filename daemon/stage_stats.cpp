@@ -50,9 +50,14 @@ void StageMeters::end(Stage stage, Duration budget) noexcept {
   const auto i = static_cast<std::size_t>(stage);
   const Duration cpu = now(CLOCK_THREAD_CPUTIME_ID) - starts_[i].cpu;
   const Duration wall = now(CLOCK_MONOTONIC) - starts_[i].wall;
-  stats_[i].wall.add(wall);
-  stats_[i].cpu.add(cpu);
-  if (wall > budget) ++stats_[i].deadline_misses;
+  add(stage, wall, cpu, budget);
+}
+
+void StageMeters::add(Stage stage, Duration wall, Duration cpu, Duration budget) noexcept {
+  StageStats& stats = stats_[static_cast<std::size_t>(stage)];
+  stats.wall.add(wall);
+  stats.cpu.add(cpu);
+  if (wall > budget) ++stats.deadline_misses;
 }
 
 StageTime StageMeters::summary(Stage stage) const noexcept {

@@ -39,6 +39,8 @@ class StageMeters final : public StageMeter {
  public:
   void begin(Stage stage) noexcept override;
   void end(Stage stage, Duration budget) noexcept override;
+  /// What was measured elsewhere.
+  void add(Stage stage, Duration wall, Duration cpu, Duration budget) noexcept;
   [[nodiscard]] const StageStats& of(Stage stage) const noexcept {
     return stats_[static_cast<std::size_t>(stage)];
   }

@@ -22,11 +22,8 @@ Duration share_of(const FrameConfig& frame, double share) noexcept {
 Agent::Agent(const AgentConfig& config, AgentIdentity identity, StageMeter& meter,
              RecordSink& records, Arena& arena)
     : identity_{identity},
-      budget_{share_of(config.frame, config.frame.patches_share),
-              share_of(config.frame, config.frame.odometry_share),
-              share_of(config.frame, config.frame.maplet_share),
-              share_of(config.frame, config.frame.registration_share),
-              share_of(config.frame, config.frame.skeleton_share)},
+      frame_{config.frame},
+      budget_{shares_of(config.frame)},
       meter_{meter},
       records_{records},
       decimator_{config.decimator, arena},
@@ -48,6 +45,17 @@ Agent::Agent(const AgentConfig& config, AgentIdentity identity, StageMeter& mete
       older_{arena.make<Maplet>("agent/older maplet")} {
   builder_.identify(identity.agent, identity.epoch, 0);
   tracker_.look_through(views_);
+}
+
+Agent::Budget Agent::shares_of(const FrameConfig& frame) noexcept {
+  return {share_of(frame, frame.patches_share), share_of(frame, frame.odometry_share),
+          share_of(frame, frame.maplet_share), share_of(frame, frame.registration_share),
+          share_of(frame, frame.skeleton_share)};
+}
+
+void Agent::set_budget(Duration frame_budget) noexcept {
+  frame_.budget = frame_budget;
+  budget_ = shares_of(frame_);
 }
 
 Step Agent::step(const DepthFrame& full_frame, Deadline deadline) noexcept {

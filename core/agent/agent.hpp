@@ -49,6 +49,9 @@ class Agent {
   /// Takes a frame through every stage it is due for.
   [[nodiscard]] Step step(const DepthFrame& frame, Deadline deadline) noexcept;
 
+  /// The stages share another budget from the next frame on.
+  void set_budget(Duration frame_budget) noexcept;
+
   /// Closes the maplet that is being built: the recording is over.
   /// @return it, or nullptr when there is nothing new
   const MapletCut* finish(Deadline deadline) noexcept;
@@ -82,6 +85,7 @@ class Agent {
   struct Budget {
     Duration patches, odometry, maplet, registration, skeleton;
   };
+  [[nodiscard]] static Budget shares_of(const FrameConfig& frame) noexcept;
 
   /// Runs a stage under its share of what is left, and measures it.
   template <class Run>
@@ -96,6 +100,7 @@ class Agent {
   [[nodiscard]] bool contradicts(const DeltaPose& closure) const noexcept;
 
   AgentIdentity identity_;
+  FrameConfig frame_;
   Budget budget_;
   StageMeter& meter_;
   RecordSink& records_;

@@ -45,6 +45,7 @@ class ByteBudget {
     return tokens_ > 0.0 && static_cast<double>(sum(ours_) + bytes) + others + reserve <= all;
   }
 
+  void set_rate(double bytes_per_s) noexcept { rate_ = bytes_per_s; }
   [[nodiscard]] double bytes_per_s() const noexcept { return rate_; }
   /// Bytes of the last ten seconds.
   [[nodiscard]] std::uint64_t window_bytes(Instant now) noexcept {

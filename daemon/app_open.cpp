@@ -1,0 +1,145 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+// mapletd's start: the source, the folder, DDS, the control socket.
+#include <chrono>
+#include <thread>
+
+#include "daemon/alloc_counter.hpp"
+#include "daemon/app.hpp"
+#include "daemon/configure.hpp"
+#include "daemon/log.hpp"
+#include "daemon/run_setup.hpp"
+#include "daemon/service_notify.hpp"
+#include "daemon/signals.hpp"
+#include "daemon/thread_setup.hpp"
+
+namespace maplet::daemon {
+
+int App::open() {
+  if (config_.input.source.empty()) {
+    log_error("no source: give --source URI, or input.source in the configuration");
+    return kExitUsage;
+  }
+  // A finite run has its source before it touches the folder: a typing error spoils nothing.
+  const bool finite = !options_.out.empty();
+  if (finite) {
+    if (const int exit_code = open_source(false); exit_code != kExitDone) return exit_code;
+    auto output = RunOutput::create(options_.out);
+    if (!output) {
+      log_error(output.error());
+      return kExitFailure;
+    }
+    output_ = std::move(*output);
+  }
+  open_console();
+  supervisor_ = std::make_unique<Supervisor>(heart_, board_, warnings_, [this, finite] {
+    if (!finite) reload();
+  });
+  if (options_.dds) {
+    // A loopback that is down is no reason not to map: the radio may still work.
+    auto publisher = DdsPublisher::start(config_.dds, options_.agent, DdsPublisher::Missing::kWait);
+    if (!publisher) {
+      log_error(publisher.error().what);
+      return kExitFailure;
+    }
+    publisher_ = std::move(*publisher);
+    if (!publisher_->open()) log_warning("the loopback interface is down: waiting for it (DDS)");
+    if (const auto failure = radio_->start(output_ == nullptr)) {
+      log_error(failure->what);
+      return kExitFailure;
+    }
+  }
+  return finite ? kExitDone : open_source(false);
+}
+
+int App::open_source(bool again) {
+  const ThirdPartyScope theirs;  // opening is a driver's business, and rare
+  close_source();                // a camera opens once
+  const SourceOptions options = source_options(config_);
+  bool said = false;
+  while (true) {
+    auto opened = maplet::open_source(config_.input.source, options);
+    if (opened) {
+      take_source(std::move(*opened));
+      return kExitDone;
+    }
+    // A camera that was there comes back, whatever it says while it does.
+    const bool may_come =
+        (again || opened.error().kind == SourceError::Kind::kAbsent) && options_.out.empty();
+    if (!may_come) {
+      log_error(opened.error().what);
+      return opened.error().kind == SourceError::Kind::kUsage ? kExitUsage : kExitFailure;
+    }
+    if (!said) {
+      log_warning("waiting for a camera: " + opened.error().what);
+      notify_ready();
+      said = true;
+    }
+    publish_status(StatusRecord::State::kWaitingForCamera);
+    for (int i = 0; i < 10; ++i) {
+      if (stop_asked()) return kExitDone;
+      heart_.beat();
+      listen(kMeetings);
+      std::this_thread::sleep_for(std::chrono::milliseconds{100});
+    }
+  }
+}
+
+SourceCounters App::source_counters() const {
+  SourceCounters sum = gone_;
+  const SourceCounters now = source_ ? source_->counters() : SourceCounters{};
+  sum.read += now.read;
+  sum.dropped += now.dropped;
+  sum.unreadable += now.unreadable;
+  sum.out_of_order += now.out_of_order;
+  return sum;
+}
+
+void App::close_source() {
+  gone_ = source_counters();
+  capture_ = nullptr;
+  source_.reset();
+}
+
+void App::take_source(std::unique_ptr<DepthSource> source) {
+  if (pace_ == Pace::kFast) {
+    source_ = std::move(source);
+    return;
+  }
+  const int priority = config_.realtime.capture_priority;
+  auto capture = std::make_unique<CaptureThread>(std::move(source), pace_, *frames_, [priority] {
+    if (const auto problem = set_up_this_thread("capture", priority)) log_warning(*problem);
+  });
+  capture_ = capture.get();
+  source_ = std::move(capture);
+}
+
+bool App::allowed(const std::optional<std::string>& problem) {
+  if (!problem) return true;
+  if (!config_.realtime.required) {
+    log_warning(*problem);
+    return true;
+  }
+  log_error(*problem + " (realtime.required)");
+  return false;
+}
+
+void App::reload() {
+  const auto wanted = configure(options_);
+  if (!wanted) {
+    log_error("the configuration stays as it was: " + wanted.error());
+    return;
+  }
+  log_info("configuration read again: " + to_line(live_.take(*wanted)));
+}
+
+void App::open_console() {
+  if (config_.control.socket == "none") return;
+  console_ = std::make_unique<Console>(
+      Console::Subjects{identity_, board_, *memory_, live_, radio_.get()});
+  if (const std::string problem = console_->open(config_.control.socket); !problem.empty()) {
+    log_warning(problem);
+    console_.reset();
+  }
+}
+
+}  // namespace maplet::daemon

@@ -1,0 +1,48 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+// What the daemon says of itself.
+#include <chrono>
+
+#include "daemon/app.hpp"
+#include "daemon/memory_status.hpp"
+
+namespace maplet::daemon {
+
+using namespace std::chrono_literals;
+
+void App::publish_status(StatusRecord::State state) {
+  last_status_ = monotonic_.now();
+  const StatusRecord record = status(state);
+  board_.note(record,
+              agent_->skeleton().stop() == Stop::kConverged && (!radio_ || radio_->settled()));
+  if (publisher_) (void)publisher_->publish(record);
+}
+
+StatusRecord App::status(StatusRecord::State state) const {
+  StatusRecord status;
+  status.agent = identity_.agent;
+  status.epoch = identity_.epoch;
+  status.state = state;
+  status.tracking = tracking_;
+  status.stamp = last_stamp_;
+  status.uptime_ms = static_cast<std::uint64_t>((last_status_ - start_) / 1ms);
+  const SourceCounters source = source_counters();
+  status.frames_read = source.read;
+  status.frames_processed = totals_.processed;
+  status.frames_dropped = source.dropped + totals_.dropped;
+  status.frames_lost = totals_.lost;
+  status.keyframes = totals_.keyframes;
+  status.maplets = totals_.maplets;
+  status.delta_poses = totals_.delta_poses;
+  status.closures = totals_.closures;
+  status.nodes = static_cast<std::uint32_t>(agent_->skeleton().node_count());
+  status.factors = static_cast<std::uint32_t>(agent_->skeleton().factor_count());
+  status.messages_dropped =
+      publisher_ ? static_cast<std::uint32_t>(publisher_->counters().dropped) : 0;
+  status.arena_bytes = arena_.used_bytes();
+  status.rss_bytes = peak_rss_bytes();
+  for (std::size_t i = 0; i < kStages; ++i)
+    status.stages[i] = meters_.summary(static_cast<Stage>(i));
+  return status;
+}
+
+}  // namespace maplet::daemon

@@ -1,0 +1,248 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#include "daemon/self_check.hpp"
+
+#include <arpa/inet.h>
+#include <fmt/format.h>
+#include <ifaddrs.h>
+#include <net/if.h>
+#include <sys/resource.h>
+#include <sys/timex.h>
+#include <unistd.h>
+
+#include <array>
+#include <ctime>
+#include <filesystem>
+#include <fstream>
+#include <optional>
+
+#include "core/base/arena_exhausted.hpp"
+#include "daemon/memory_ledger.hpp"
+#include "daemon/memory_status.hpp"
+#include "daemon/run_setup.hpp"
+#include "drivers/open_source.hpp"
+#include "drivers/openni2/cameras.hpp"
+
+namespace maplet::daemon {
+
+namespace {
+
+namespace fs = std::filesystem;
+using Result = CheckResult::Result;
+constexpr double kMiB = 1048576.0;
+
+CheckResult ok(std::string name, std::string detail) {
+  return {std::move(name), Result::kOk, std::move(detail), {}};
+}
+
+std::string first_word_of(const fs::path& file) {
+  std::ifstream in{file};
+  std::string word;
+  in >> word;
+  return word;
+}
+
+/// Depth cameras on the USB that this user may not open.
+void check_usb(std::vector<CheckResult>& results) {
+  constexpr std::array<std::string_view, 2> kVendors{"1d27", "2bc5"};
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator{"/sys/bus/usb/devices", error}) {
+    const std::string vendor = first_word_of(entry.path() / "idVendor");
+    if (std::find(kVendors.begin(), kVendors.end(), vendor) == kVendors.end()) continue;
+    const int bus = std::atoi(first_word_of(entry.path() / "busnum").c_str());
+    const int number = std::atoi(first_word_of(entry.path() / "devnum").c_str());
+    const std::string node = fmt::format("/dev/bus/usb/{:03}/{:03}", bus, number);
+    if (access(node.c_str(), R_OK | W_OK) == 0) {
+      results.push_back(ok("usb", fmt::format("depth camera {} may be opened", node)));
+      continue;
+    }
+    results.push_back({"usb", Result::kFail, node + ": this user may not open the depth camera",
+                       "install 60-mapletd.rules into /lib/udev/rules.d, udevadm control --reload, "
+                       "plug the camera in again; be in the group plugdev"});
+  }
+}
+
+void check_camera(std::vector<CheckResult>& results, const Config& config) {
+  if (const std::string& uri = config.input.source; !uri.empty() && !uri.starts_with("openni2:")) {
+    const auto opened = open_source(uri, source_options(config));
+    results.push_back(
+        opened ? ok("camera", uri + " can be read")
+               : CheckResult{"camera", Result::kFail, opened.error().what, "correct input.source"});
+    return;
+  }
+  check_usb(results);
+  const auto cameras = openni2_cameras();
+  if (!cameras) {
+    results.push_back({"camera", Result::kFail, "OpenNI2 does not start: " + cameras.error(),
+                       "install libopenni2-0"});
+    return;
+  }
+  if (cameras->empty()) {
+    results.push_back({"camera", Result::kFail, "OpenNI2 finds no camera",
+                       "connect one; when it is connected, see usb, or its driver is missing"});
+  }
+  for (const CameraInfo& camera : *cameras) {
+    if (!camera.problem.empty()) {
+      results.push_back({"camera", Result::kFail, camera.uri + " does not open: " + camera.problem,
+                         "end the program that uses it (mapletd?); check its permissions"});
+    } else if (camera.depth_modes.empty()) {
+      results.push_back({"camera", Result::kWarn, camera.uri + " has no depth", ""});
+    } else {
+      results.push_back(
+          ok("camera", fmt::format("{} ({}): {}", camera.uri, camera.name, camera.depth_modes)));
+    }
+  }
+}
+
+void check_gpio(std::vector<CheckResult>& results) {
+  std::error_code error;
+  int chips = 0;
+  for (const auto& entry : fs::directory_iterator{"/dev", error}) {
+    const std::string path = entry.path();
+    if (!entry.path().filename().string().starts_with("gpiochip")) continue;
+    ++chips;
+    if (access(path.c_str(), R_OK | W_OK) == 0) {
+      results.push_back(ok("gpio", path + " may be used"));
+    } else {
+      results.push_back({"gpio", Result::kWarn, path + ": this user may not use it",
+                         "add the user to the chip's group (gpio)"});
+    }
+  }
+  if (chips == 0) results.push_back(ok("gpio", "no chip: no lines will be used"));
+}
+
+void check_clock(std::vector<CheckResult>& results) {
+  constexpr std::time_t kBuilt = 1'700'000'000;  // no clock that is set is earlier
+  timex state{};
+  const bool synchronised = adjtimex(&state) != TIME_ERROR;
+  if (std::time(nullptr) < kBuilt) {
+    results.push_back({"clock", Result::kWarn, "the clock is not set",
+                       "set it, or run a time service: stamps of logs are wrong, the map is not"});
+  } else if (!synchronised) {
+    results.push_back({"clock", Result::kWarn, "the clock is set, and follows no time service",
+                       "run chrony or systemd-timesyncd where the robot has a network"});
+  } else {
+    results.push_back(ok("clock", "set and synchronised"));
+  }
+}
+
+void check_network(std::vector<CheckResult>& results, const RadioConfig& radio) {
+  ifaddrs* all = nullptr;
+  bool found = false;
+  bool up = false;
+  bool address = false;
+  if (getifaddrs(&all) == 0) {
+    for (const ifaddrs* i = all; i != nullptr; i = i->ifa_next) {
+      if (radio.interface != i->ifa_name) continue;
+      found = true;
+      up = up || (i->ifa_flags & IFF_UP) != 0;
+      address = address || (i->ifa_addr != nullptr && i->ifa_addr->sa_family == AF_INET);
+    }
+    freeifaddrs(all);
+  }
+  const std::string name = "dds.interface '" + radio.interface + "'";
+  if (!found) {
+    results.push_back({"network", Result::kWarn, name + " does not exist",
+                       "the daemon waits for it; name another one if that is wrong (ip link)"});
+  } else if (!up || !address) {
+    results.push_back({"network", Result::kWarn, name + (up ? " has no IPv4 address" : " is down"),
+                       "the daemon waits for it"});
+  } else {
+    results.push_back(ok(
+        "network",
+        name + (radio.interface == "lo" ? " is up: other agents on this machine only" : " is up")));
+  }
+  for (const std::string& peer : radio.peer_list()) {
+    in_addr parsed{};
+    if (inet_pton(AF_INET, peer.c_str(), &parsed) == 1) continue;
+    results.push_back({"network", Result::kFail, "dds.peers: '" + peer + "' is no IPv4 address",
+                       "write addresses, by commas"});
+  }
+}
+
+std::string amount(rlim_t bytes) {
+  if (bytes == RLIM_INFINITY) return "unlimited";
+  return fmt::format("{:.1f} MiB", static_cast<double>(bytes) / kMiB);
+}
+
+void check_memory(std::vector<CheckResult>& results, const Config& config) {
+  std::optional<MemoryLedger> ledger;
+  try {
+    ledger = memory_ledger(config, true);
+  } catch (const ArenaExhausted& e) {
+    results.push_back({"memory", Result::kFail, std::string{"the stages would need "} + e.what(),
+                       "lower [limits], maplet and skeleton sizes"});
+    return;
+  }
+  const std::size_t need = unit_memory_bytes(*ledger);
+  const auto there = static_cast<std::size_t>(sysconf(_SC_PHYS_PAGES)) *
+                     static_cast<std::size_t>(sysconf(_SC_PAGESIZE));
+  const auto group = cgroup_memory_limit();
+  const std::string detail =
+      fmt::format("needs {:.1f} MiB of {:.0f} MiB{}", static_cast<double>(need) / kMiB,
+                  static_cast<double>(there) / kMiB,
+                  group ? fmt::format(", limited to {}", amount(*group)) : "");
+  const std::size_t least = group ? std::min<std::size_t>(there, *group) : there;
+  if (need > least) {
+    results.push_back({"memory", Result::kFail, detail,
+                       "lower [limits] (mapletd --print-memory), or raise MemoryMax"});
+  } else if (2 * need > there) {
+    results.push_back(
+        {"memory", Result::kWarn, detail, "little is left for the rest of the robot"});
+  } else {
+    results.push_back(ok("memory", detail));
+  }
+  rlimit lock{};
+  getrlimit(RLIMIT_MEMLOCK, &lock);
+  if (config.realtime.lock_memory && geteuid() != 0 && lock.rlim_cur < ledger->arena_bytes) {
+    results.push_back({"memory lock", config.realtime.required ? Result::kFail : Result::kWarn,
+                       fmt::format("{} may be locked, the arena has {}", amount(lock.rlim_cur),
+                                   amount(ledger->arena_bytes)),
+                       "grant LimitMEMLOCK (the unit does; ulimit -l)"});
+  } else {
+    results.push_back(ok("memory lock", "the arena may be locked"));
+  }
+}
+
+void check_realtime(std::vector<CheckResult>& results, const RealtimeConfig& realtime) {
+  const int wanted = std::max(realtime.capture_priority, realtime.estimator_priority);
+  if (wanted == 0) {
+    results.push_back(ok("real time", "not asked for (realtime.*_priority = 0)"));
+    return;
+  }
+  rlimit limit{};
+  getrlimit(RLIMIT_RTPRIO, &limit);
+  if (geteuid() == 0 || limit.rlim_cur >= static_cast<rlim_t>(wanted)) {
+    results.push_back(ok("real time", fmt::format("priority {} is granted", wanted)));
+    return;
+  }
+  results.push_back({"real time", realtime.required ? Result::kFail : Result::kWarn,
+                     fmt::format("priority {} is not granted, at most {}", wanted, limit.rlim_cur),
+                     fmt::format("grant LimitRTPRIO={}", wanted)});
+}
+
+}  // namespace
+
+std::string_view to_string(Result result) noexcept {
+  switch (result) {
+    case Result::kOk:
+      return "OK";
+    case Result::kWarn:
+      return "WARN";
+    case Result::kFail:
+      return "FAIL";
+  }
+  return "?";
+}
+
+std::vector<CheckResult> self_check(const Config& config) {
+  std::vector<CheckResult> results;
+  check_camera(results, config);
+  check_gpio(results);
+  check_clock(results);
+  check_network(results, config.radio);
+  check_memory(results, config);
+  check_realtime(results, config.realtime);
+  return results;
+}
+
+}  // namespace maplet::daemon

@@ -1,0 +1,148 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#include "daemon/status_json.hpp"
+
+#include <fmt/format.h>
+
+#include <string>
+
+#include "core/ports/stage_meter.hpp"
+#include "daemon/alloc_counter.hpp"
+#include "transport/exchange/record_key.hpp"
+
+namespace maplet::daemon {
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+std::string hex(std::uint64_t value) { return fmt::format("{:016x}", value); }
+
+Json streams_json(const std::array<std::uint32_t, kStreams>& counts) {
+  Json json;
+  for (std::size_t i = 0; i < kStreams; ++i) {
+    json[std::string{to_string(static_cast<Stream>(i))}] = counts[i];
+  }
+  return json;
+}
+
+Json exchange_json(const RadioStatus& radio) {
+  const NodeCounters& n = radio.counters;
+  return {{"open", radio.open},
+          {"silent", radio.silent},
+          {"in_sync", radio.settled},
+          {"listeners", radio.listeners},
+          {"records", radio.records},
+          {"records_digest", hex(radio.records_digest)},
+          {"own", streams_json(radio.own)},
+          {"missing", radio.missing},
+          {"wire_bytes", radio.wire_bytes},
+          {"dds_bytes", radio.dds_bytes},
+          {"bytes_last_10_s", radio.window_bytes},
+          {"delta_pose_bytes", radio.lane_bytes[0]},
+          {"closure_bytes", radio.lane_bytes[1]},
+          {"range_bytes", radio.lane_bytes[2]},
+          {"control_bytes", radio.lane_bytes[3]},
+          {"maplet_bytes", radio.lane_bytes[4]},
+          {"conflicts", radio.conflicts},
+          {"conflicting_agent", radio.conflicting_agent},
+          {"datagrams",
+           {{"in", n.datagrams_in},
+            {"out", n.datagrams_out},
+            {"damaged", n.damaged},
+            {"future", n.future},
+            {"malformed", n.malformed}}},
+          {"received", n.received},
+          {"duplicates", n.duplicates},
+          {"conflicting", n.conflicting},
+          {"forged_own", n.forged_own},
+          {"refused", n.refused},
+          {"maplets",
+           {{"kept", radio.maplets.kept},
+            {"received", radio.maplets.received},
+            {"damaged", radio.maplets.damaged},
+            {"given_up", radio.maplets.given_up},
+            {"bytes_sent", radio.maplets.bytes_sent}}}};
+}
+
+/// Bytes of each component of the arena: what stands before the slash of its entries.
+Json memory_json(const MemoryStatus& memory) {
+  Json pools = Json::object();
+  for (const ArenaEntry& entry : memory.arena().ledger()) {
+    const std::string pool{entry.component.substr(0, entry.component.find('/'))};
+    pools[pool] = pools.value(pool, std::size_t{0}) + entry.bytes;
+  }
+  Json json{{"arena_bytes", memory.arena().used_bytes()},
+            {"pools", pools},
+            {"rss_bytes", rss_bytes()},
+            {"peak_rss_bytes", peak_rss_bytes()}};
+  json["limit_bytes"] = memory.limit_bytes() ? Json(*memory.limit_bytes()) : Json{};
+  json["locked"] = memory.locked();
+  if (allocation_counting_available()) {
+    json["heap_allocations_after_ready"] = allocation_counts().ours;
+    json["third_party_allocations"] = allocation_counts().third_party;
+  }
+  return json;
+}
+
+}  // namespace
+
+nlohmann::ordered_json peer_json(const RadioStatus::PeerStatus& status) {
+  const Peer& peer = status.peer;
+  const double all = static_cast<double>(peer.datagrams + peer.lost);
+  Json json{{"agent", peer.life.agent},
+            {"epoch", peer.life.epoch},
+            {"heard_s_ago", status.silent_s},
+            {"in_sync", status.in_sync},
+            {"ended", peer.superseded},
+            {"records", peer.records},
+            {"held", streams_json(status.held_of)},
+            {"datagrams", peer.datagrams},
+            {"loss", all > 0.0 ? static_cast<double>(peer.lost) / all : 0.0},
+            {"bytes", peer.bytes},
+            {"new_records", peer.new_records}};
+  if (peer.has_offset) {
+    json["clock_offset_s"] = seconds(peer.clock_offset);
+    json["round_trip_s"] = seconds(peer.delay);
+  }
+  return json;
+}
+
+nlohmann::ordered_json status_json(const StatusBoard::Notice& notice, const MemoryStatus& memory,
+                                   const RadioStatus* radio) {
+  const StatusRecord& s = notice.status;
+  Json json{{"agent", s.agent},
+            {"epoch", s.epoch},
+            {"state", to_string(s.state)},
+            {"uptime_s", static_cast<double>(s.uptime_ms) / 1e3},
+            {"frames",
+             {{"read", s.frames_read},
+              {"processed", s.frames_processed},
+              {"dropped", s.frames_dropped}}}};
+  for (std::size_t i = 0; i < kStages; ++i) {
+    const StageTime& t = s.stages[i];
+    json["stages"][std::string{kStageNames[i]}] = {{"p50_us", t.p50_us},
+                                                   {"p99_us", t.p99_us},
+                                                   {"max_us", t.max_us},
+                                                   {"deadline_misses", t.deadline_misses}};
+  }
+  json["memory"] = memory_json(memory);
+  json["tracking"] = {{"now", s.tracking}, {"keyframes", s.keyframes}, {"lost", s.frames_lost}};
+  json["maplets"] = s.maplets;
+  json["delta_poses"] = s.delta_poses;
+  json["closures"] = s.closures;
+  json["skeleton"] = {{"nodes", s.nodes},
+                      {"factors", s.factors},
+                      {"settled", notice.settled},
+                      {"records_digest", hex(radio ? radio->records_digest : 0)}};
+  json["peers"] = Json::array();
+  if (radio) {
+    json["exchange"] = exchange_json(*radio);
+    for (std::size_t i = 0; i < radio->peer_count; ++i) {
+      json["peers"].push_back(peer_json(radio->peers[i]));
+    }
+  }
+  json["journal"] = {{"flushed", Json::object()}};
+  return json;
+}
+
+}  // namespace maplet::daemon

@@ -1,0 +1,86 @@
+# Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+"""For tests that run mapletd as a service."""
+import json
+import os
+import socket
+import subprocess
+import tempfile
+import time
+import unittest
+from pathlib import Path
+
+BIN = Path(os.environ["MAPLET_BIN_DIR"])
+PATIENCE_S = 60.0
+
+
+class DaemonTest(unittest.TestCase):
+    """mapletd as a process of its own, with a notify socket that stands in for systemd's."""
+
+    def setUp(self):
+        self.folder = tempfile.TemporaryDirectory(prefix="maplet-service-")
+        self.notify = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self.notify.bind(self.file("notify"))
+        self.notify.settimeout(0.2)
+        self.heard = []
+        self.daemon = None
+
+    def tearDown(self):
+        if self.daemon is not None and self.daemon.poll() is None:
+            self.daemon.kill()
+        if self.daemon is not None:
+            self.daemon.communicate()
+        self.notify.close()
+        self.folder.cleanup()
+
+    def file(self, name):
+        return os.path.join(self.folder.name, name)
+
+    def config(self, text):
+        Path(self.file("mapletd.toml")).write_text(text, encoding="utf-8")
+
+    def start(self, *arguments, watchdog_s=0, before=None, environment=None):
+        env = dict(os.environ, NOTIFY_SOCKET=self.file("notify"), **(environment or {}))
+        if watchdog_s:
+            env["WATCHDOG_USEC"] = str(int(watchdog_s * 1e6))
+        command = [str(BIN / "mapletd"), "--no-dds", "--set",
+                   f"control.socket={self.file('socket')}", *arguments]
+        if os.path.exists(self.file("mapletd.toml")):
+            command += ["--config", self.file("mapletd.toml")]
+        self.daemon = subprocess.Popen(command, env=env, stderr=subprocess.PIPE, text=True,
+                                       preexec_fn=before)
+
+    def listen(self):
+        try:
+            self.heard += self.notify.recv(4096).decode().split("\n")
+        except TimeoutError:
+            pass
+
+    def until(self, condition, patience_s=PATIENCE_S):
+        end = time.monotonic() + patience_s
+        while not condition():
+            self.assertLess(time.monotonic(), end, f"did not happen in time; heard {self.heard}")
+            self.listen()
+
+    def count(self, word):
+        return sum(line == word for line in self.heard)
+
+    def ctl(self, *words):
+        done = subprocess.run([str(BIN / "mapletctl"), *words, "--socket", self.file("socket")],
+                              capture_output=True, text=True, timeout=PATIENCE_S)
+        return done.returncode, done.stdout, done.stderr
+
+    def stop(self):
+        begin = time.monotonic()
+        self.daemon.terminate()
+        _, said = self.daemon.communicate(timeout=PATIENCE_S)
+        return self.daemon.returncode, time.monotonic() - begin, said
+
+    def notify_left(self):
+        before = len(self.heard)
+        self.listen()
+        return len(self.heard) > before
+
+    def status(self):
+        code, said, wrong = self.ctl("status", "--json")
+        self.assertEqual(code, 0, wrong)
+        return json.loads(said)
