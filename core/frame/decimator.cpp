@@ -41,6 +41,7 @@ DepthFrame Decimator::run(const DepthFrame& frame) noexcept {
   out.camera = frame.camera.decimated(step_);
   // Pixels that are kept lie farther apart.
   out.noise.correlated_px = std::max(1.0, frame.noise.correlated_px / (step_ * step_));
+  out.noise.lateral_px = frame.noise.lateral_px / step_;
   // Intensities are smoothed by whoever aligns them: every n-th pixel alone would be aliased.
   if (!frame.gray.empty() && frame.gray_beside.pixels.empty()) {
     out.gray_beside = {frame.gray, frame.camera, Se3{}};

@@ -20,6 +20,12 @@ struct NoiseModel {
   /// Noise of neighbouring pixels is correlated: this many pixels tell as much as one independent
   /// one. Covariances are multiplied by it.
   double correlated_px = 4.0;
+  /// A pixel's depth is read this far beside it (standard deviation in either direction): noise of
+  /// depth where a surface is slanted (Nguyen et al. 2012, Handa et al. 2014).
+  double lateral_px = 0.5;
+  /// Disparity comes in steps of this much 1/Z, 1/m (Kinect v1: 1/8 px at 580 px * 75 mm); 0: in
+  /// none that matter.
+  double disparity_step = 2.87e-3;
 
   [[nodiscard]] double sigma_inverse_depth(double inverse_depth) const noexcept {
     if (kind == Kind::kDisparity) return disparity_k;

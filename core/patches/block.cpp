@@ -77,18 +77,19 @@ constexpr std::array<PixelCount, 4> kFullQuarters{{{16, 24, 24, 56, 36, 56},
 
 PixelCount PixelCount::of(std::uint64_t valid) noexcept {
   if (valid == BlockSums::kAll) return kFull;
-  std::uint64_t plain = 0, by_v = 0, by_vv = 0;
-  for (unsigned v = 0; v < 8; ++v) {
-    const std::uint64_t row = kRowCounts[valid >> (8 * v) & 0xFF];
-    plain += row;
-    by_v += v * row;
-    by_vv += v * v * (row & 0xFFFF);
+  // Sums of sums from below count a row v times, and v (v + 1) / 2 times.
+  std::uint64_t plain = 0, by_v = 0, by_half = 0;
+  for (unsigned v = 7; v > 0; --v) {
+    plain += kRowCounts[valid >> (8 * v) & 0xFF];
+    by_v += plain;
+    by_half += by_v;
   }
+  plain += kRowCounts[valid & 0xFF];
   const auto field = [](std::uint64_t sums, int k) {
     return static_cast<std::int32_t>(sums >> (16 * k) & 0xFFFF);
   };
   return {field(plain, 0), field(plain, 1), field(by_v, 0),
-          field(plain, 2), field(by_v, 1),  static_cast<std::int32_t>(by_vv)};
+          field(plain, 2), field(by_v, 1),  2 * field(by_half, 0) - field(by_v, 0)};
 }
 
 Moments BlockSums::moments(int u0, int v0, int row_step) const noexcept {
@@ -106,21 +107,35 @@ Moments BlockSums::quarter_moments(int quarter, int u0, int v0, int row_step) co
                  sums, w0, u0, v0, row_step);
 }
 
-double BlockSums::full_rss() const noexcept {
+Fit BlockSums::full_fit(int u0, int v0) const noexcept {
   constexpr double kVariance = 64.0 * 5.25;  // sum of (u - 3.5)^2
   const WSums s = all_quarters(*this);
   const double uw = s.uw - 3.5 * s.w;
   const double vw = s.vw - 3.5 * s.w;
-  return std::max(0.0, s.ww - s.w * s.w / 64.0 - (uw * uw + vw * vw) / kVariance);
+  return {.u0 = u0 + 3.5,
+          .v0 = v0 + 3.5,
+          .w0 = w0 + s.w / 64.0,
+          .a = uw / kVariance,
+          .b = vw / kVariance,
+          .rss = std::max(0.0, s.ww - s.w * s.w / 64.0 - (uw * uw + vw * vw) / kVariance),
+          .ok = true};
 }
 
-double BlockSums::full_quarter_rss(int quarter) const noexcept {
+Fit BlockSums::full_quarter_fit(int quarter, int u0, int v0) const noexcept {
   constexpr double kVariance = 16.0 * 1.25;  // sum of (u - 1.5)^2
   const Quarter& q = quarters[static_cast<std::size_t>(quarter)];
+  const double u = quarter % 2 == 0 ? 1.5 : 5.5;
+  const double v = quarter / 2 == 0 ? 1.5 : 5.5;
   const double w = q.w;
-  const double uw = q.uw - (quarter % 2 == 0 ? 1.5 : 5.5) * w;
-  const double vw = q.vw - (quarter / 2 == 0 ? 1.5 : 5.5) * w;
-  return std::max(0.0, q.ww - w * w / 16.0 - (uw * uw + vw * vw) / kVariance);
+  const double uw = q.uw - u * w;
+  const double vw = q.vw - v * w;
+  return {.u0 = u0 + u,
+          .v0 = v0 + v,
+          .w0 = w0 + w / 16.0,
+          .a = uw / kVariance,
+          .b = vw / kVariance,
+          .rss = std::max(0.0, q.ww - w * w / 16.0 - (uw * uw + vw * vw) / kVariance),
+          .ok = true};
 }
 
 namespace {

@@ -64,10 +64,10 @@ struct BlockSums {
   /// @param row_step  rows of the block are this far apart
   [[nodiscard]] Moments moments(int u0, int v0, int row_step) const noexcept;
   [[nodiscard]] Moments quarter_moments(int quarter, int u0, int v0, int row_step) const noexcept;
-  /// The residual of the least-squares plane of a block, or of its quarter, without a hole and with
-  /// row_step 1: O(1).
-  [[nodiscard]] double full_rss() const noexcept;
-  [[nodiscard]] double full_quarter_rss(int quarter) const noexcept;
+  /// The least-squares plane of a block, or of its quarter, without a hole and with row_step 1: the
+  /// same as fit() of its moments, for less.
+  [[nodiscard]] Fit full_fit(int u0, int v0) const noexcept;
+  [[nodiscard]] Fit full_quarter_fit(int quarter, int u0, int v0) const noexcept;
 };
 
 /// Sums `blocks` neighbouring blocks of `rows` <= 8 rows. All variants give the same integers.

@@ -28,21 +28,6 @@ float mean_gray(const DepthFrame& frame, const Patch& patch) noexcept {
   return static_cast<float>(sum) / static_cast<float>(count);
 }
 
-// What a frame costs on a busy 3 GHz x86: at all, a pixel that is read, a cell of 8 px that is
-// carried to the end (a coarser one costs by the root of its size more), a pixel of the image in
-// the second look. A slower machine finds its plan too ambitious and is cut by the stages'
-// deadlines.
-constexpr double kFrameNs = 20e3;
-constexpr double kPixelNs = 0.9;
-constexpr double kCellNs = 240.0;
-constexpr double kLookNs = 2.1;
-/// Writing the result takes what is left behind the second look.
-constexpr double kWriteNs = 10e3;
-constexpr double kWritePatchNs = 150.0;
-/// The rest of a budget is for what was underestimated, and for a coarse grain's second look.
-constexpr double kPlanShare = 0.68;
-constexpr int kCoarsestCellPx = 128;
-
 /// A plane that looks smoother than this share of the noise model has been lucky.
 constexpr double kLeastNoise = 0.4;
 
@@ -80,7 +65,7 @@ PatchExtractor::PatchExtractor(const PatchConfig& config, Arena& arena)
       largest_{arena.make_array<std::int16_t>(Merger::kMaxRegions, "patches/order")},
       plane_of_candidate_{
           arena.make_array<std::int16_t>(Refiner::kMaxCandidates, "patches/plane numbers")},
-      gray_sum_{arena.make_array<double>(kMaxFramePlanes, "patches/gray")},
+      tally_{arena.make_array<Tally>(kMaxFramePlanes, "patches/tally")},
       out_{arena.make<PatchSet>("patches/result")} {}
 
 const PatchSet& PatchExtractor::run(const DepthFrame& frame, Deadline deadline) noexcept {
@@ -99,6 +84,8 @@ const PatchSet& PatchExtractor::run(const DepthFrame& frame, Deadline deadline) 
   out_->valid_pixels = pyramid_.valid_pixels();
   const Stop split = tree_.run(pyramid_, frame.camera, correlated_px_, when.split);
   const Stop merge = merger_.run(pyramid_, tree_, correlated_px_, least, when.merge);
+  step_bias_ = StepBias{frame.noise.disparity_step * kInverseDepthSteps, tree_.pixel_variance(),
+                        frame.metres_per_unit};
   nominate_planes();
   name_cells();
   const Stop look = config_.second_look
@@ -106,46 +93,9 @@ const PatchSet& PatchExtractor::run(const DepthFrame& frame, Deadline deadline) 
                         : Stop::kConverged;
   emit_planes();
   emit_patches(frame, deadline);
+  finish_planes(frame);
   out_->stop = !seen ? Stop::kDeadline : std::max({split, merge, look});
   return *out_;
-}
-
-PatchExtractor::Plan PatchExtractor::plan(const DepthFrame& frame,
-                                          Deadline deadline) const noexcept {
-  Plan out{pyramid_.finest(frame.depth.width_px, frame.depth.height_px), true, deadline, deadline,
-           deadline};
-  const Duration left = deadline.remaining();
-  if (left == Duration::max()) return out;
-  const double pixels = static_cast<double>(frame.depth.width_px) * frame.depth.height_px;
-  const double left_ns = static_cast<double>(std::max(left, Duration{0}).count());
-  const auto cells = [&] { return pixels / (out.grain.cell_px * out.grain.cell_px); };
-  const auto fits = [&] {
-    const double cell_ns = kCellNs * std::sqrt(out.grain.cell_px / 8.0);
-    const double front = kFrameNs + pixels * kPixelNs / out.grain.row_step + cells() * cell_ns;
-    // The finest grain is worth it only with its second look; coarser ones take what there is.
-    const double look = out.finest && config_.second_look ? pixels * kLookNs : 0.0;
-    return front + look <= left_ns * kPlanShare;
-  };
-  while (!fits() && out.grain.cell_px < kCoarsestCellPx) {
-    out.finest = false;
-    // Both together keep the whole image in view, and a cell at eight rows.
-    out.grain.cell_px *= 2;
-    out.grain.row_step *= 2;
-  }
-  const auto share = [&](double part) {
-    return deadline.within(Duration{static_cast<std::int64_t>(left_ns * part)});
-  };
-  out.fill = share(0.6);
-  out.split = share(0.75);
-  out.merge = share(0.9);
-  return out;
-}
-
-Deadline PatchExtractor::before_writing(Deadline deadline) const noexcept {
-  const Duration left = deadline.remaining();
-  if (left == Duration::max()) return deadline;
-  const double write_ns = kWriteNs + static_cast<double>(tree_.patch_count()) * kWritePatchNs;
-  return deadline.within(left - Duration{static_cast<std::int64_t>(write_ns)});
 }
 
 void PatchExtractor::nominate_planes() noexcept {
@@ -166,9 +116,10 @@ void PatchExtractor::nominate_planes() noexcept {
     candidate_of_region_[largest_[c]] = static_cast<std::int16_t>(c);
     // Of n pixels a cell's own plane takes three degrees of freedom.
     const double dof = std::max(1.0, region.moments.n - 3.0 * region.cells);
-    const double sigma = pyramid_.sigma_steps();
+    const Fit f = fit(region.moments);
+    const double sigma = std::sqrt(pyramid_.variance(f));
     refiner_.planes()[c] = {
-        .fit = fit(region.moments),
+        .fit = f,
         .moments = region.moments,
         .noise_steps = std::clamp(std::sqrt(region.cells_rss / dof), kLeastNoise * sigma, sigma),
         .before = region.pixels,
@@ -218,21 +169,25 @@ void PatchExtractor::emit_planes() noexcept {
 void PatchExtractor::emit_plane(std::size_t candidate) noexcept {
   const Candidate& from = refiner_.planes()[candidate];
   const Region& region = merger_.regions()[largest_[candidate]];
-  gray_sum_[out_->planes.size()] = 0.0;
   FramePlane& plane = out_->planes.emplace_back();
   plane.theta = pixel_frame_.theta(from.fit);
   // Eq. 14: how far the cells' own planes are from the whole one tells the noise's power at low
   // frequencies, correlation and distortion included; the model is the prior.
-  const double prior = tree_.noise_power();
+  const double prior = tree_.correlated_px() * pyramid_.variance(from.fit);
   const double explained = std::max(0.0, region.rss - region.cells_rss);
   const double dof = 3.0 * std::max(0.0, static_cast<double>(region.cells) - 1.0);
   constexpr double kPriorDof = 12.0;
   // Eq. 19: what is left over beyond chance is no noise but a surface that is not quite this plane;
   // it does not average out over its pixels.
+  const double bands = step_bias_.power(from.fit.w0) * region.moments.n;
   const double misfit =
-      std::max(0.0, explained - prior * (dof + kChanceSigmas * std::sqrt(2.0 * dof)));
-  plane.information = information(
-      from.moments, (kPriorDof * prior + explained) / (kPriorDof + dof) + kMisfitShare * misfit);
+      std::max(0.0, explained - bands - prior * (dof + kChanceSigmas * std::sqrt(2.0 * dof)));
+  const double power = (kPriorDof * prior + explained) / (kPriorDof + dof) + kMisfitShare * misfit +
+                       step_bias_.residue(from.fit.w0) * from.moments.n;
+  plane.information = information(from.moments, power);
+  tally_[out_->planes.size() - 1] = {.from = &from,
+                                     .noise_power = power,
+                                     .waves = step_bias_.matters(from.fit, from.moments, power)};
   plane.pixels = from.pixels;
   plane.area_m2 = 0.0F;
   // Distance to the plane is d Z times the residual of 1/Z (eq. 16).
@@ -256,22 +211,38 @@ void PatchExtractor::emit_patches(const DepthFrame& frame, Deadline deadline) no
     if (out_->patches.size() % 16 == 15 && deadline.expired()) break;
     emit_patch(leaf, plane, frame);
   }
-  if (!has_gray(frame)) return;
+}
+
+void PatchExtractor::finish_planes(const DepthFrame& frame) noexcept {
+  const bool gray = has_gray(frame);
   for (std::size_t p = 0; p < out_->planes.size(); ++p) {
     FramePlane& plane = out_->planes[p];
-    plane.mean_gray = static_cast<float>(gray_sum_[p] / std::max(1e-9F, plane.area_m2));
+    const Tally& tally = tally_[p];
+    if (tally.waves) {
+      step_bias_.weaken(plane.information, tally.noise_power, pixel_frame_, tally.from->fit,
+                        tally.from->moments, tally.wave, tally.pixels);
+    }
+    if (gray) plane.mean_gray = static_cast<float>(tally.gray / std::max(1e-9F, plane.area_m2));
   }
 }
 
 void PatchExtractor::emit_patch(const Leaf& leaf, std::int16_t plane,
                                 const DepthFrame& frame) noexcept {
   const PyramidNode& node = pyramid_.at(leaf.level, leaf.i, leaf.j);
-  const Fit f = fit(node.moments);
+  const Fit f = leaf.level == Pyramid::kCellLevel ? pyramid_.fit_of(leaf.level, leaf.i, leaf.j)
+                                                  : fit(node.moments);
   const int edge = pyramid_.edge_px(leaf.level);
   const auto index = static_cast<std::int16_t>(out_->patches.size());
   Patch& patch = out_->patches.emplace_back();
   patch.theta = pixel_frame_.theta(f);
-  patch.information = information(node.moments, tree_.noise_power());
+  const double noise_power = tree_.correlated_px() * pyramid_.variance(f);
+  patch.information = information(node.moments, noise_power);
+  if (step_bias_.matters(f, node.moments, noise_power)) {
+    StepWave wave;
+    step_bias_.add(f, node.moments, edge, edge, wave);
+    step_bias_.weaken(patch.information, noise_power, pixel_frame_, f, node.moments, wave,
+                      node.moments.n);
+  }
   patch.ray = pixel_frame_.ray(f.u0, f.v0);
   patch.u_px = static_cast<std::uint16_t>(leaf.i * edge);
   patch.v_px = static_cast<std::uint16_t>(leaf.j * edge);
@@ -282,7 +253,7 @@ void PatchExtractor::emit_patch(const Leaf& leaf, std::int16_t plane,
   patch.mean_gray = mean_gray(frame, patch);
   patch.plane = plane;
   out_->covered_pixels += node.pixels;
-  if (plane != Patch::kNoPlane) add_to_plane(patch, f.w0);
+  if (plane != Patch::kNoPlane) add_to_plane(patch, node.moments);
   PatchGrid& grid = out_->cells;
   const int cells = 1 << (leaf.level - Pyramid::kCellLevel);
   for (int j = leaf.j * cells; j < std::min<int>((leaf.j + 1) * cells, grid.height); ++j) {
@@ -292,14 +263,19 @@ void PatchExtractor::emit_patch(const Leaf& leaf, std::int16_t plane,
   }
 }
 
-void PatchExtractor::add_to_plane(const Patch& patch, double mean_w) noexcept {
+void PatchExtractor::add_to_plane(const Patch& patch, const Moments& moments) noexcept {
   FramePlane& plane = out_->planes[patch.plane];
-  const double z = kInverseDepthSteps / mean_w;
+  Tally& tally = tally_[patch.plane];
+  const double z = kInverseDepthSteps * moments.n / moments.w;
   const double pixel_m2 =
       std::abs(pixel_frame_.inv_fx * pixel_frame_.inv_fy) * plane.theta.norm() * z * z * z;
   const double area = patch.pixels * pixel_m2;  // eq. 17
   plane.area_m2 += static_cast<float>(area);
-  gray_sum_[patch.plane] += static_cast<double>(patch.mean_gray) * area;
+  tally.gray += static_cast<double>(patch.mean_gray) * area;
+  tally.pixels += moments.n;
+  if (tally.waves) {
+    step_bias_.add(tally.from->fit, moments, patch.width_px, patch.height_px, tally.wave);
+  }
 }
 
 }  // namespace maplet

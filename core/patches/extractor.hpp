@@ -10,6 +10,7 @@
 #include "core/patches/pyramid.hpp"
 #include "core/patches/quadtree.hpp"
 #include "core/patches/refiner.hpp"
+#include "core/patches/step_bias.hpp"
 
 namespace maplet {
 
@@ -42,6 +43,15 @@ class PatchExtractor {
     bool finest = true;
     Deadline fill, split, merge;
   };
+  /// What a plane's patches add up to.
+  struct Tally {
+    const Candidate* from = nullptr;
+    double noise_power = 1.0;  ///< eq. 19
+    double gray = 0.0;         ///< times area
+    double pixels = 0.0;
+    bool waves = false;  ///< disparity steps along it matter
+    StepWave wave = {};
+  };
   [[nodiscard]] Plan plan(const DepthFrame& frame, Deadline deadline) const noexcept;
   /// The end of the second look.
   [[nodiscard]] Deadline before_writing(Deadline deadline) const noexcept;
@@ -50,8 +60,9 @@ class PatchExtractor {
   void emit_planes() noexcept;
   void emit_plane(std::size_t candidate) noexcept;
   void emit_patches(const DepthFrame& frame, Deadline deadline) noexcept;
+  void finish_planes(const DepthFrame& frame) noexcept;
   void emit_patch(const Leaf& leaf, std::int16_t plane, const DepthFrame& frame) noexcept;
-  void add_to_plane(const Patch& patch, double mean_w) noexcept;
+  void add_to_plane(const Patch& patch, const Moments& moments) noexcept;
   [[nodiscard]] std::int16_t candidate_of(const Leaf& leaf) const noexcept;
   [[nodiscard]] Eigen::Matrix3d information(const Moments& moments,
                                             double noise_power) const noexcept;
@@ -62,12 +73,13 @@ class PatchExtractor {
   Merger merger_;
   Refiner refiner_;
   PixelFrame pixel_frame_{CameraModel{1, 1, 1.0, 1.0, 0.0, 0.0}};
+  StepBias step_bias_;
   double correlated_px_ = 1.0;
   std::size_t candidate_count_ = 0;
   std::span<std::int16_t> candidate_of_region_;
   std::span<std::int16_t> largest_;             ///< regions, the largest first
   std::span<std::int16_t> plane_of_candidate_;  ///< index into the result, or kNoPlane
-  std::span<double> gray_sum_;                  ///< of a plane's patches, times area
+  std::span<Tally> tally_;                      ///< of the result's planes
   Arena::Owned<PatchSet> out_;
 };
 

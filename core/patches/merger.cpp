@@ -12,8 +12,8 @@ constexpr int kJoinPasses = 4;
 /// Looking at the clock costs as much as a leaf.
 constexpr unsigned kLeavesPerLook = 8;
 constexpr std::size_t kMaxPairs = 4096;
-/// A neighbour whose middle is farther from the plane than twenty sigmas is not asked further.
-constexpr double kStepVariances = 400.0;
+/// A neighbour whose middle is farther from the plane than six sigmas is not asked further.
+constexpr double kStepVariances = 36.0;
 
 }  // namespace
 
@@ -30,7 +30,6 @@ Stop Merger::run(const Pyramid& pyramid, Quadtree& tree, double correlated_px,
   pyramid_ = &pyramid;
   tree_ = &tree;
   correlated_px_ = correlated_px;
-  variance_ = pyramid.sigma_steps() * pyramid.sigma_steps();
   region_count_ = 0;
   looks_ = 0;
   least_pixels_ = least_pixels;
@@ -50,10 +49,15 @@ Stop Merger::run(const Pyramid& pyramid, Quadtree& tree, double correlated_px,
 bool Merger::same_plane(const Moments& a, double rss_a, const Moments& b, double rss_b,
                         Fit& f) const noexcept {
   f = fit(a + b);
-  const double more = (f.rss - rss_a - rss_b) / variance_;  // eq. 11
+  const double more = (f.rss - rss_a - rss_b) / pyramid_->variance(f);  // eq. 11
   const double pixels = a.n * b.n / (a.n + b.n);
   const double bias = config_.merge_bias_sigmas * config_.merge_bias_sigmas * pixels;
   return more <= correlated_px_ * config_.merge_chi2 + bias;  // eq. 12
+}
+
+void Merger::set_fit(const Fit& f) noexcept {
+  fit_ = f;
+  step_limit_ = kStepVariances * pyramid_->variance(f);
 }
 
 bool Merger::grow(std::size_t seed, Deadline deadline) noexcept {
@@ -62,7 +66,7 @@ bool Merger::grow(std::size_t seed, Deadline deadline) noexcept {
   Leaf& first = tree_->leaves()[seed];
   const PyramidNode& node = pyramid_->at(first.level, first.i, first.j);
   region = {node.moments, first.rss, node.cells_rss, node.pixels, node.cells};
-  fit_ = fit(region.moments);
+  set_fit(fit(region.moments));
   first.region = id;
   first.seeded = true;
   queue_[0] = static_cast<std::uint16_t>(seed);
@@ -111,10 +115,10 @@ void Merger::try_neighbour(std::size_t index, std::int16_t id, Region& region) n
   const Moments& m = node.moments;
   const double off =
       m.n * fit_.w0 + fit_.a * (m.u - m.n * fit_.u0) + fit_.b * (m.v - m.n * fit_.v0) - m.w;
-  if (off * off > kStepVariances * variance_ * m.n * m.n) return;
+  if (off * off > step_limit_ * m.n * m.n) return;
   Fit both;
   if (!same_plane(region.moments, region.rss, node.moments, leaf.rss, both)) return;
-  fit_ = both;
+  set_fit(both);
   region.moments += node.moments;
   region.rss = both.rss;
   region.cells_rss += node.cells_rss;

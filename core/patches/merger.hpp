@@ -52,6 +52,7 @@ class Merger {
   [[nodiscard]] bool same_plane(const Moments& a, double rss_a, const Moments& b, double rss_b,
                                 Fit& both) const noexcept;
   [[nodiscard]] bool grow(std::size_t seed, Deadline deadline) noexcept;
+  void set_fit(const Fit& f) noexcept;
   void try_neighbour(std::size_t leaf, std::int16_t id, Region& region) noexcept;
   void join_neighbours(Deadline deadline) noexcept;
   void note_pair(int a, int leaf) noexcept;
@@ -69,7 +70,8 @@ class Merger {
   Fit fit_;                           ///< of the growing region
   const Pyramid* pyramid_ = nullptr;  ///< during run()
   Quadtree* tree_ = nullptr;          ///< during run()
-  double variance_ = 1.0, correlated_px_ = 1.0;
+  double step_limit_ = 1.0;           ///< of the growing region, steps^2
+  double correlated_px_ = 1.0;
   std::uint32_t least_pixels_ = 0;
   unsigned looks_ = 0;
   std::size_t region_count_ = 0, queue_end_ = 0;

@@ -16,7 +16,7 @@ struct PatchConfig {
   double split_bias_sigmas = 0.5;
   double merge_chi2 = 12.0;
   double merge_bias_sigmas = 1.0;
-  double min_incidence_cos = 0.12;
+  double min_incidence_cos = 0.08;
   int min_plane_cells = 4;
   bool second_look = true;
 

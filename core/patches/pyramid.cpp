@@ -21,6 +21,12 @@ double sigma_in_steps(const NoiseModel& noise, double inverse_depth) noexcept {
   return steps >= kLeastSigmaSteps ? std::min(steps, kMostSigmaSteps) : kLeastSigmaSteps;
 }
 
+/// Of any noise model: no camera's pixels wander farther.
+double lateral_px(const NoiseModel& noise) noexcept {
+  constexpr double kMostPx = 4.0;
+  return noise.lateral_px > 0.0 ? std::min(noise.lateral_px, kMostPx) : 0.0;
+}
+
 constexpr int round_up(int value, int multiple) {
   return (value + multiple - 1) / multiple * multiple;
 }
@@ -39,7 +45,9 @@ Pyramid::Pyramid(const PatchConfig& config, Arena& arena)
       sum_blocks_{block_variants().back().sum},
       nodes_{arena.make_array<PyramidNode>(kMaxFrameCells * 4 / 3 + 1, "patches/pyramid")},
       blocks_{arena.make_array<BlockSums>(kMaxBlocks, "patches/blocks")},
+      cell_fits_{arena.make_array<Fit>(kMaxFrameCells, "patches/planes of cells")},
       quarters_{arena.make_array<PyramidNode>(kMaxSplitCells * 4, "patches/quarters")},
+      quarter_fits_{arena.make_array<Fit>(kMaxSplitCells * 4, "patches/planes of quarters")},
       split_{arena.make_array<std::int16_t>(kMaxFrameCells, "patches/split cells")} {}
 
 bool Pyramid::try_cells(int cell_px) noexcept {
@@ -94,6 +102,8 @@ bool Pyramid::fill(const DepthFrame& frame, Grain grain, Deadline deadline) noex
   noise_ = frame.noise;
   // Any distance serves as reference where the noise depends on it: weights are relative.
   sigma_steps_ = sigma_in_steps(noise_, 0.5);
+  lateral_px2_ = lateral_px(noise_) * lateral_px(noise_);
+  flat_limit_ = config_.max_rms_sigmas * config_.max_rms_sigmas * sigma_steps_ * sigma_steps_;
   const auto bits = static_cast<int>(std::bit_width(static_cast<unsigned>(cells_high_ - 1)));
   bool complete = true;
   for (unsigned k = 0; k < (1U << bits); ++k) {
@@ -138,69 +148,92 @@ void Pyramid::fill_row(const DepthFrame& frame, int j) noexcept {
       per_cell == 1 && row_step_ == 1 ? blocks_.data() + j * blocks_wide_ : nullptr;
   for (int i = 0; i < cells_wide_; ++i) {
     PyramidNode& cell = node(kCellLevel, i, j);
+    Fit& f = cell_fits_[j * padded_width_ + i];
     valid_pixels_ += cell.pixels;
     if (alone != nullptr && alone[i].valid == BlockSums::kAll && !weighted()) {
-      cell.cells_rss = alone[i].full_rss();
+      f = alone[i].full_fit(i * kBlockPx - width_px_ / 2, j * kBlockPx - height_px_ / 2);
+      cell.cells_rss = f.rss;
       cell.cells = 1;
     } else {
-      fit_cell(cell);
+      fit_cell(cell, f);
     }
   }
 }
 
-void Pyramid::fit_cell(PyramidNode& cell) const noexcept {
+void Pyramid::fit_cell(PyramidNode& cell, Fit& f) const noexcept {
   if (cell.pixels < 3) return;
   weigh(cell.moments);
-  const Fit f = fit(cell.moments);
+  f = fit(cell.moments);
   cell.cells_rss = f.rss;
   cell.cells = f.ok ? 1 : 0;
-}
-
-bool Pyramid::hopeless(const BlockSums& sums, int quarter, std::uint64_t valid) const noexcept {
-  constexpr int kArea = kBlockPx * kBlockPx / 4;
-  if (std::popcount(valid) < config_.min_valid_fraction * kArea) return true;
-  if (valid != BlockSums::mask(quarter)) return false;
-  const double limit = config_.max_rms_sigmas * sigma_steps_;
-  return sums.full_quarter_rss(quarter) > limit * limit * kArea;
 }
 
 bool Pyramid::split_cell(int i, int j) noexcept {
   if (split_count_ == kMaxSplitCells) return false;
   split_[j * padded_width_ + i] = static_cast<std::int16_t>(split_count_);
   PyramidNode* quarters = quarters_.data() + split_count_ * 4;
+  Fit* fits = quarter_fits_.data() + split_count_ * 4;
+  ++split_count_;
   std::fill_n(quarters, 4, PyramidNode{});
+  if (cell_px_ == kBlockPx && row_step_ == 1 && !weighted()) {
+    split_block(blocks_[j * blocks_wide_ + i], i * kBlockPx - width_px_ / 2,
+                j * kBlockPx - height_px_ / 2, quarters, fits);
+    return true;
+  }
+  split_blocks(i, j, quarters);
+  for (int k = 0; k < 4; ++k) fit_cell(quarters[k], fits[k]);
+  return true;
+}
+
+void Pyramid::split_block(const BlockSums& sums, int u0, int v0, PyramidNode* quarters,
+                          Fit* fits) const noexcept {
+  constexpr int kArea = kBlockPx * kBlockPx / 4;
+  for (int q = 0; q < 4; ++q) {
+    const std::uint64_t mask = BlockSums::mask(q);
+    const std::uint64_t valid = sums.valid & mask;
+    PyramidNode& quarter = quarters[q];
+    if (valid == mask) {
+      fits[q] = sums.full_quarter_fit(q, u0, v0);
+      if (fits[q].rss > flat_limit(fits[q]) * kArea) continue;  // left without pixels
+      quarter = {sums.quarter_moments(q, u0, v0, 1), fits[q].rss, kArea, 1};
+      continue;
+    }
+    const int pixels = std::popcount(valid);
+    if (pixels < config_.min_valid_fraction * kArea) continue;
+    quarter.moments = sums.quarter_moments(q, u0, v0, 1);
+    quarter.pixels = static_cast<std::uint32_t>(pixels);
+    fit_cell(quarter, fits[q]);
+  }
+}
+
+void Pyramid::split_blocks(int i, int j, PyramidNode* quarters) const noexcept {
   const int half = cell_px_ / 2;
-  const bool alone = cell_px_ == kBlockPx && row_step_ == 1 && !weighted();
   const int block_high = kBlockPx * row_step_;
   const int end_u = std::min(width_px_, (i + 1) * cell_px_);
   const int end_v = std::min(height_px_, (j + 1) * cell_px_);
+  const auto add = [&](PyramidNode& quarter, const Moments& m) {
+    quarter.moments += m;
+    quarter.pixels += static_cast<std::uint32_t>(m.n) * static_cast<std::uint32_t>(row_step_);
+  };
   for (int v = j * cell_px_; v < end_v; v += block_high) {
     for (int u = i * cell_px_; u < end_u; u += kBlockPx) {
       const BlockSums& sums = blocks_[v / block_high * blocks_wide_ + u / kBlockPx];
+      if (sums.valid == 0) continue;
       const int right = (u - i * cell_px_) / half;
       const int below = (v - j * cell_px_) / half;
-      const auto add = [&](PyramidNode& quarter, const Moments& m) {
-        quarter.moments += m;
-        quarter.pixels += static_cast<std::uint32_t>(m.n) * static_cast<std::uint32_t>(row_step_);
-      };
       const int u0 = u - width_px_ / 2;
       const int v0 = v - height_px_ / 2;
-      if (sums.valid == 0) continue;
       if (half >= block_high) {  // a block lies in one quarter
         add(quarters[2 * below + right], sums.moments(u0, v0, row_step_));
         continue;
       }
       for (int q = 0; q < 4; ++q) {
-        const std::uint64_t valid = sums.valid & BlockSums::mask(q);
-        if (valid == 0 || (alone && hopeless(sums, q, valid))) continue;
+        if ((sums.valid & BlockSums::mask(q)) == 0) continue;
         const int side = half >= kBlockPx ? right : q % 2;
         add(quarters[q / 2 * 2 + side], sums.quarter_moments(q, u0, v0, row_step_));
       }
     }
   }
-  for (int k = 0; k < 4; ++k) fit_cell(quarters[k]);
-  ++split_count_;
-  return true;
 }
 
 /// One weight a cell: the noise changes little over its few pixels.
@@ -227,12 +260,6 @@ void Pyramid::build_levels() noexcept {
       }
     }
   }
-}
-
-int Pyramid::area_px(int level, int i, int j) const noexcept {
-  const int edge = edge_px(level);
-  return std::max(0, std::min(edge, width_px_ - i * edge)) *
-         std::max(0, std::min(edge, height_px_ - j * edge));
 }
 
 }  // namespace maplet

@@ -1,6 +1,7 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <span>
@@ -26,7 +27,7 @@ struct PyramidNode {
 /// quarters of a cell, level 0, are made only where somebody asks for them: at edges.
 ///
 /// Memory   fixed, from the arena: the sums of each 8 x 8 block, 4/3 kMaxFrameCells nodes, 4
-///          kMaxSplitCells quarters.
+///          kMaxSplitCells quarters, a plane for each cell and quarter.
 /// Time     fill(): O(pixels), vectorised; overruns its deadline by one row of cells at most.
 /// Threads  one at a time.
 /// Math     docs/math/patches.md, eq. 1-2
@@ -51,6 +52,10 @@ class Pyramid {
   /// The finest grain that the configuration asks for and the arrays hold, for an image size.
   [[nodiscard]] Grain finest(int width_px, int height_px) const noexcept;
 
+  /// The plane of a cell or quarter that has pixels.
+  [[nodiscard]] const Fit& fit_of(int level, int i, int j) const noexcept {
+    return level == 0 ? quarter_fits_[quarter_at(i, j)] : cell_fits_[j * padded_width_ + i];
+  }
   /// Makes the quarters of a cell, from sums that fill() has kept; those that are not flat may be
   /// left without pixels.
   /// @return false when kMaxSplitCells have been split already
@@ -68,13 +73,16 @@ class Pyramid {
   [[nodiscard]] int cells_high() const noexcept { return cells_high_; }
   /// Of level 0 only what split_cell() made.
   [[nodiscard]] const PyramidNode& at(int level, int i, int j) const noexcept {
-    if (level == 0) {
-      return quarters_[split_[j / 2 * padded_width_ + i / 2] * 4 + j % 2 * 2 + i % 2];
-    }
+    if (level == 0) return quarters_[quarter_at(i, j)];
     return nodes_[offset_[level] + j * width(level) + i];
   }
   /// Pixels of the image inside a node, with or without a return.
-  [[nodiscard]] int area_px(int level, int i, int j) const noexcept;
+  [[nodiscard]] int area_px(int level, int i, int j) const noexcept {
+    const int edge = edge_px(level);
+    const int right = width_px_ - i * edge, below = height_px_ - j * edge;
+    if (right >= edge && below >= edge) return edge * edge;
+    return std::max(0, std::min(edge, right)) * std::max(0, std::min(edge, below));
+  }
   /// Pixels count by their distance.
   [[nodiscard]] bool weighted() const noexcept {
     return noise_.kind == NoiseModel::Kind::kTimeOfFlight;
@@ -83,17 +91,33 @@ class Pyramid {
   void weigh(Moments& moments) const noexcept;
   /// Standard deviation of w for pixels of weight 1; others are weighted to it.
   [[nodiscard]] double sigma_steps() const noexcept { return sigma_steps_; }
+  /// Variance of w on a surface, steps^2: where it is slanted the sensor's lateral noise is noise
+  /// of depth. Math: eq. 6.
+  [[nodiscard]] double variance(const Fit& f) const noexcept {
+    return sigma_steps_ * sigma_steps_ + lateral_px2_ * (f.a * f.a + f.b * f.b);
+  }
+  /// Mean squared residual at which a surface is not flat any more, steps^2. Math: eq. 7.
+  [[nodiscard]] double flat_limit(const Fit& f) const noexcept {
+    return flat_limit_ + kLateralLimit * lateral_px2_ * (f.a * f.a + f.b * f.b);
+  }
   [[nodiscard]] std::uint32_t valid_pixels() const noexcept { return valid_pixels_; }
 
  private:
+  /// Depth steps look like steep surfaces with lateral noise: these get less room.
+  static constexpr double kLateralLimit = 1.5;
+
   bool lay_out(const DepthFrame& frame) noexcept;
   /// @return false when the arrays are too small
   bool try_cells(int cell_px) noexcept;
   void fill_row(const DepthFrame& frame, int j) noexcept;
-  void fit_cell(PyramidNode& node) const noexcept;
-  /// A quarter of a cell that is one block cannot be flat.
-  [[nodiscard]] bool hopeless(const BlockSums& sums, int quarter,
-                              std::uint64_t valid) const noexcept;
+  void fit_cell(PyramidNode& node, Fit& f) const noexcept;
+  /// The quarters of a cell that is one block.
+  void split_block(const BlockSums& sums, int u0, int v0, PyramidNode* quarters,
+                   Fit* fits) const noexcept;
+  void split_blocks(int i, int j, PyramidNode* quarters) const noexcept;
+  [[nodiscard]] int quarter_at(int i, int j) const noexcept {
+    return split_[j / 2 * padded_width_ + i / 2] * 4 + j % 2 * 2 + i % 2;
+  }
   void build_levels() noexcept;
   PyramidNode& node(int level, int i, int j) noexcept {
     return nodes_[offset_[level] + j * width(level) + i];
@@ -103,13 +127,16 @@ class Pyramid {
   BlockRowFunction sum_blocks_;
   std::span<PyramidNode> nodes_;
   std::span<BlockSums> blocks_;  ///< row by row, blocks_wide_ in each
+  std::span<Fit> cell_fits_;
   std::span<PyramidNode> quarters_;
+  std::span<Fit> quarter_fits_;
   std::span<std::int16_t> split_;  ///< of a cell: index of its quarters / 4
   std::size_t split_count_ = 0;
   std::array<int, kMaxLevels> offset_{};
   DepthScale scale_;
   NoiseModel noise_;
   double sigma_steps_ = 1.0;
+  double lateral_px2_ = 0.0, flat_limit_ = 1.0;
   int width_px_ = 0, height_px_ = 0;
   int cell_px_ = 8, row_step_ = 1, levels_ = 1;
   int cells_wide_ = 0, cells_high_ = 0, blocks_wide_ = 0;

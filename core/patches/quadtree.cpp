@@ -19,6 +19,8 @@ constexpr double kPriorDof = 60.0;
 constexpr unsigned kNodesPerLook = 4;
 /// Parameters of a plane.
 constexpr double kPlaneDof = 3.0;
+/// Fewer tell too little of a pixel's noise.
+constexpr double kLeastInsideDof = 2000.0;
 
 }  // namespace
 
@@ -39,7 +41,7 @@ Stop Quadtree::run(Pyramid& pyramid, const CameraModel& camera, double correlate
   pixel_frame_ = PixelFrame{camera};
   correlated_px_ = correlated_px;
   leaf_count_ = patch_count_ = heap_size_ = cell_count_ = 0;
-  explained_ = explained_dof_ = 0.0;
+  explained_ = explained_dof_ = inside_ = inside_dof_ = 0.0;
   width_ = pyramid.width(0);
   height_ = pyramid.height(0);
   std::fill_n(leaf_of_cell_.begin(), width_ * height_, std::int16_t{-1});
@@ -76,10 +78,10 @@ Stop Quadtree::split_cells(Deadline deadline) noexcept {
 
 void Quadtree::consider(int level, int i, int j) noexcept {
   float gain = 0.0F;
-  double rss = 0.0;
-  switch (judge(level, i, j, gain, rss)) {
+  Fit f;
+  switch (judge(level, i, j, gain, f)) {
     case Verdict::kFlat:
-      add_leaf(level, i, j, rss);
+      add_leaf(level, i, j, f);
       break;
     case Verdict::kSplit:
       if (level == Pyramid::kCellLevel) {
@@ -95,37 +97,36 @@ void Quadtree::consider(int level, int i, int j) noexcept {
   }
 }
 
-Quadtree::Verdict Quadtree::judge(int level, int i, int j, float& gain,
-                                  double& rss) const noexcept {
+Quadtree::Verdict Quadtree::judge(int level, int i, int j, float& gain, Fit& f) const noexcept {
   const PyramidNode& node = pyramid_->at(level, i, j);
   if (node.cells == 0) return Verdict::kDrop;
   const bool can_split =
       level > Pyramid::kCellLevel || (level == Pyramid::kCellLevel && node.pixels >= kLeastSplitPx);
   const Verdict otherwise = can_split ? Verdict::kSplit : Verdict::kDrop;
-  const double variance = pyramid_->sigma_steps() * pyramid_->sigma_steps();
-  const double limit = config_.max_rms_sigmas * config_.max_rms_sigmas;
-  if (level <= Pyramid::kCellLevel && node.cells_rss > limit * variance * node.moments.n) {
-    return otherwise;  // no need to fit it again
-  }
-  const Fit f = fit(node.moments);
-  rss = f.rss;
+  const Moments& m = node.moments;
+  f = level <= Pyramid::kCellLevel ? pyramid_->fit_of(level, i, j) : fit(m);
+  const double variance = pyramid_->variance(f);
   // Eq. 8: what the cells' own planes explain of this node's residual, in variances.
   const double explained = std::max(0.0, f.rss - node.cells_rss) / variance;
-  gain = static_cast<float>(std::min(explained, kGainCapVariances * node.moments.n));
+  gain = static_cast<float>(std::min(explained, kGainCapVariances * m.n));
   if (!f.ok || node.pixels < config_.min_valid_fraction * pyramid_->area_px(level, i, j)) {
     return otherwise;
   }
-  if (f.rss > limit * variance * node.moments.n) return otherwise;
+  if (f.rss > pyramid_->flat_limit(f) * m.n) return otherwise;
   // Eq. 9: noise gives every cell's own plane three parameters' worth of residual.
   const double noise = correlated_px_ * kPlaneDof * (node.cells - 1);
-  const double bias = config_.split_bias_sigmas * config_.split_bias_sigmas * node.moments.n;
+  const double bias = config_.split_bias_sigmas * config_.split_bias_sigmas * m.n;
   if (level > Pyramid::kCellLevel && explained > 1.5 * noise + bias) return Verdict::kSplit;
   return seen_steeply(f) ? otherwise : Verdict::kFlat;
 }
 
-double Quadtree::noise_power() const noexcept {
-  const double sigma = pyramid_->sigma_steps();
-  return (kPriorDof * sigma * sigma * correlated_px_ + explained_) / (kPriorDof + explained_dof_);
+double Quadtree::correlated_px() const noexcept {
+  return (kPriorDof * correlated_px_ + explained_) / (kPriorDof + explained_dof_);
+}
+
+double Quadtree::pixel_variance() const noexcept {
+  const double model = pyramid_->variance(Fit{});
+  return inside_dof_ < kLeastInsideDof ? model : std::clamp(inside_ / inside_dof_, 0.0, model);
 }
 
 bool Quadtree::seen_steeply(const Fit& f) const noexcept {
@@ -137,7 +138,7 @@ bool Quadtree::seen_steeply(const Fit& f) const noexcept {
   return !(w > 0.0) || w * w < limit * theta.squaredNorm() * (ray.squaredNorm() + 1.0);
 }
 
-void Quadtree::add_leaf(int level, int i, int j, double rss) noexcept {
+void Quadtree::add_leaf(int level, int i, int j, const Fit& f) noexcept {
   const auto index = static_cast<std::int16_t>(leaf_count_);
   patch_count_ += level >= Pyramid::kCellLevel ? 1 : 0;
   leaves_[leaf_count_++] = {static_cast<std::uint16_t>(i),
@@ -145,11 +146,14 @@ void Quadtree::add_leaf(int level, int i, int j, double rss) noexcept {
                             static_cast<std::uint8_t>(level),
                             false,
                             Leaf::kNoRegion,
-                            rss};
+                            f.rss};
   const PyramidNode& node = pyramid_->at(level, i, j);
-  if (node.cells > 1) {
-    explained_ += std::max(0.0, rss - node.cells_rss);
+  if (level >= Pyramid::kCellLevel) {
+    const double variance = pyramid_->variance(f);
+    explained_ += std::max(0.0, f.rss - node.cells_rss) / variance;
     explained_dof_ += kPlaneDof * (node.cells - 1);
+    inside_ += node.cells_rss - (variance - pyramid_->variance(Fit{})) * node.moments.n;
+    inside_dof_ += node.moments.n - kPlaneDof * node.cells;
   }
   if (level == 0) {
     leaf_of_cell_[j * width_ + i] = index;

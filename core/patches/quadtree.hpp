@@ -44,9 +44,12 @@ class Quadtree {
   [[nodiscard]] std::span<Leaf> leaves() noexcept { return leaves_.first(leaf_count_); }
   /// Leaves of the size of a cell or more.
   [[nodiscard]] std::size_t patch_count() const noexcept { return patch_count_; }
-  /// Power of the noise that a flat node's plane feels, steps^2: variance of a pixel times the
-  /// pixels that tell as much as one. Measured over the frame's leaves, the model is the prior.
-  [[nodiscard]] double noise_power() const noexcept;
+  /// Pixels that tell a plane as much as one independent one. Measured over the frame's leaves, the
+  /// model is the prior.
+  [[nodiscard]] double correlated_px() const noexcept;
+  /// Variance of a pixel on a surface square to its ray, steps^2, measured inside the leaves'
+  /// cells, but at most the model's.
+  [[nodiscard]] double pixel_variance() const noexcept;
   /// Index of the leaf that covers a quarter of a cell, or -1. Outside the image: -1.
   [[nodiscard]] int leaf_at(int i, int j) const noexcept {
     return i < 0 || j < 0 || i >= width_ || j >= height_ ? -1 : leaf_of_cell_[j * width_ + i];
@@ -67,9 +70,9 @@ class Quadtree {
   /// Quarters of cells that are not flat. They add detail, not coverage: after everything coarser.
   Stop split_cells(Deadline deadline) noexcept;
   void consider(int level, int i, int j) noexcept;
-  [[nodiscard]] Verdict judge(int level, int i, int j, float& gain, double& rss) const noexcept;
+  [[nodiscard]] Verdict judge(int level, int i, int j, float& gain, Fit& f) const noexcept;
   [[nodiscard]] bool seen_steeply(const Fit& f) const noexcept;
-  void add_leaf(int level, int i, int j, double rss) noexcept;
+  void add_leaf(int level, int i, int j, const Fit& f) noexcept;
 
   PatchConfig config_;
   std::span<Leaf> leaves_;
@@ -79,8 +82,10 @@ class Quadtree {
   Pyramid* pyramid_ = nullptr;  ///< during run()
   PixelFrame pixel_frame_{CameraModel{1, 1, 1.0, 1.0, 0.0, 0.0}};
   double correlated_px_ = 1.0;
-  double explained_ = 0.0;  ///< by the cells of all leaves, steps^2
+  double explained_ = 0.0;  ///< by the cells of all leaves, variances
   double explained_dof_ = 0.0;
+  double inside_ = 0.0;  ///< residual of all leaves' cells without lateral noise, steps^2
+  double inside_dof_ = 0.0;
   std::size_t leaf_count_ = 0, patch_count_ = 0, heap_size_ = 0, cell_count_ = 0;
   int width_ = 0, height_ = 0;
 };

@@ -79,17 +79,25 @@ class Refiner {
   /// A cell and its eight neighbours have one plane, or none.
   [[nodiscard]] bool uniform(int i, int j) const noexcept;
   [[nodiscard]] int nearby(int i, int j, std::uint8_t* out) const noexcept;
+  [[nodiscard]] bool looked_at(int cell) const noexcept {
+    return looked_[cell] != 0 && looked_[cell] <= kMaxNearby;
+  }
   void look(int i, int j, const std::uint8_t* names, int count) noexcept;
   Stop refit(Deadline deadline) noexcept;
-  /// Plane c is far from the others all over a cell: its pixels there cannot be theirs.
-  [[nodiscard]] bool distinct(int i, int j, const std::uint8_t* names, int count,
-                              int c) const noexcept;
+  /// Where plane c is far from the others, so that its pixels cannot be theirs: a bit for each
+  /// quarter of a cell.
+  [[nodiscard]] unsigned distinct_quarters(int i, int j, const std::uint8_t* names, int count,
+                                           int c) const noexcept;
+  /// Of a plane's pixels in quarters of a cell.
+  [[nodiscard]] Moments moments_of(int i, int j, std::uint8_t name,
+                                   unsigned quarters) const noexcept;
   void collect(int i, int j, const std::uint8_t* names, int count) noexcept;
 
   AssignFunction assign_;
   BlockRowFunction sum_;
   std::span<std::uint8_t> plane_of_cell_;
-  std::span<std::uint8_t> looked_;  ///< at a cell: planes that its pixels could go to, 0 = not
+  /// At a cell: planes that its pixels could go to, 0 = not, 255 = kept whole by its plane.
+  std::span<std::uint8_t> looked_;
   std::span<std::uint8_t> nearby_;  ///< of a cell: which, kMaxNearby each
   std::span<std::uint8_t> reach_;   ///< the same; of a cell without: the one its pixels found
   std::span<std::uint8_t> pixel_planes_;

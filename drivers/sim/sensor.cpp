@@ -83,7 +83,12 @@ NoiseModel Sensor::noise_model() const noexcept {
   const double units = static_cast<double>(units_m_);
   // Without noise what is left is the rounding to mm, at 3 m as inverse depth.
   model.disparity_k = options_.noise > 0.0 ? std::sqrt(sd * sd + kRounding) / units : 0.29e-3 / 9.0;
-  if (options_.noise == 0.0) model.correlated_px = 1.0;
+  model.lateral_px = static_cast<double>(shift_sd_px_);
+  model.disparity_step = 1.0 / units;
+  if (options_.noise == 0.0) {
+    model.correlated_px = 1.0;
+    model.disparity_step = 0.0;
+  }
   // So little noise hardly dithers the steps: neighbours err alike.
   if (options_.handa) model.correlated_px = 5.0;
   return model;

@@ -105,6 +105,10 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   frame.noise = typical_noise(static_cast<SensorKind>(flags % 3));
   if ((flags & 8) != 0) frame.noise.disparity_k = in.take<double>();
   if ((flags & 16) != 0) frame.noise.correlated_px = in.take<double>();
+  if ((flags & 128) != 0) {
+    frame.noise.lateral_px = in.take<double>();
+    frame.noise.disparity_step = in.take<double>();
+  }
 
   // Exactly as many pixels as the view says: a sanitizer sees a read beyond them.
   const int stride = width + pad;

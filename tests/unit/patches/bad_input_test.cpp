@@ -186,8 +186,12 @@ TEST_F(BadInput, ImpossibleNoiseFiguresStillGiveFinitePlanes) {
       frame.noise.kind = kind;
       frame.noise.disparity_k = frame.noise.correlated_px = value;
       frame.noise.tof_floor_m = frame.noise.tof_slope = value;
+      frame.noise.lateral_px = frame.noise.disparity_step = value;
       (void)run(frame);
     }
+    DepthFrame frame = image_.frame();
+    frame.noise.lateral_px = frame.noise.disparity_step = value;
+    EXPECT_EQ(run(frame).planes.size(), 1u) << value;
   }
 }
 

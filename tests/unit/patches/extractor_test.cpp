@@ -89,6 +89,56 @@ TEST_F(Extractor, InformationMatchesTheError) {
   EXPECT_NEAR(nees / count, 1.0, 0.2) << count;
 }
 
+/// A floor that runs away under a camera close to it: its slope makes lateral noise the largest.
+TEST_F(Extractor, GrazedFloorIsOnePlane) {
+  const Eigen::Vector3d grazed{0.0, 4.5, 0.6};
+  double nees = 0.0;
+  for (int k = 0; k < 10; ++k) {
+    Image image{320, 240};
+    image.noise.lateral_px = 0.5;
+    image.noise.disparity_step = 2.85e-3;
+    image.camera.cy_px = 20.0;
+    image.draw_stepped(grazed, 1.0 / 6.0, rng_);
+    const PatchSet& set = run(image.frame());
+    ASSERT_EQ(set.planes.size(), 1u);
+    EXPECT_GT(set.planes[0].pixels, 0.97 * 320 * 240);
+    EXPECT_LT(angle_deg(set.planes[0].theta, grazed), 0.05);
+    const Eigen::Vector3d error = set.planes[0].theta - grazed;
+    nees += error.dot(set.planes[0].information * error) / 3.0;
+  }
+  EXPECT_LT(nees / 10, 2.0);
+}
+
+/// Square on, all pixels of a wall lie in one or two steps of disparity and err alike.
+TEST_F(Extractor, InformationKnowsOfStepsThatErrAlike) {
+  std::uniform_real_distribution<double> depth{1.2, 3.5}, slope{-0.004, 0.004};
+  double planes = 0.0, patches = 0.0, worst = 0.0;
+  int patch_count = 0;
+  constexpr int kFrames = 60;
+  for (int k = 0; k < kFrames; ++k) {
+    Image image{320, 240};
+    image.noise.disparity_step = 2.85e-3;
+    image.noise.disparity_k = 2.85e-3 / 3.0;
+    const Eigen::Vector3d wall{slope(rng_), slope(rng_), 1.0 / depth(rng_)};
+    image.draw_stepped(wall, 1.0 / 6.0, rng_);
+    const PatchSet& set = run(image.frame());
+    ASSERT_GE(set.planes.size(), 1u);
+    const auto nees = [&](const auto& found) {
+      const Eigen::Vector3d error = found.theta - wall;
+      return error.dot(found.information * error) / 3.0;
+    };
+    planes += nees(set.planes[0]);
+    worst = std::max(worst, nees(set.planes[0]));
+    for (const Patch& patch : set.patches) {
+      patches += nees(patch);
+      ++patch_count;
+    }
+  }
+  EXPECT_LT(planes / kFrames, 2.0);
+  EXPECT_LT(patches / patch_count, 2.0);
+  EXPECT_LT(worst, 25.0);
+}
+
 TEST_F(Extractor, EmptyInputHasAnEmptyResult) {
   Image image{64, 48};
   EXPECT_TRUE(run(image.frame()).patches.empty());
