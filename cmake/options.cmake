@@ -4,6 +4,11 @@ set(CMAKE_CXX_EXTENSIONS OFF)
 set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
 set(CMAKE_RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/bin)
 
+# A service of the system: its units name where the programs are.
+if(CMAKE_INSTALL_PREFIX_INITIALIZED_TO_DEFAULT)
+  set(CMAKE_INSTALL_PREFIX /usr CACHE PATH "Where cmake --install puts it" FORCE)
+endif()
+
 option(MAPLET_TESTS "Build the tests" ON)
 option(MAPLET_BENCH "Build the benchmarks" OFF)
 option(MAPLET_FUZZ "Make the fuzz targets fuzzers (clang)" OFF)

@@ -1,0 +1,76 @@
+#!/bin/bash
+# Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+# Boots a small Debian 12 with systemd in a container, the install tree inside and the synthetic
+# camera behind the real OpenNI2 runtime, and looks at the service there (proof.sh).
+#   boot_test.sh BUILD_DIR SYNTH_RUNTIME [CYCLES]
+# As root. Needs mmdebstrap and systemd-container (tools/setup system); minutes and the network.
+set -eu
+build=$1 synth=$2 cycles=${3:-10}
+here=$(cd "$(dirname "$0")" && pwd)
+for program in mmdebstrap systemd-nspawn; do
+  command -v $program >/dev/null || { echo "SKIPPED: no $program (tools/setup system)"; exit 0; }
+done
+[[ $(id -u) = 0 ]] || { echo "SKIPPED: not root"; exit 0; }
+
+# The packages that hold the libraries that the programs load.
+libraries() {
+  ldd "$build/bin/mapletd" "$build/bin/mapletctl" "$synth"/OpenNI2/Drivers/libMapletSynth.so.0 |
+    awk '$2 == "=>" && $3 ~ "^/" { print $3 }' | xargs -n1 readlink -f | sort -u |
+    sed 's,^/usr,,; p; s,^,/usr,' | xargs -n1 dpkg-query -S 2>/dev/null | cut -d: -f1 | sort -u
+}
+
+cache=${XDG_CACHE_HOME:-$HOME/.cache}/mapletd
+mkdir -p "$cache"
+work=$(mktemp -d "${TMPDIR:-/var/tmp}/mapletd-boot.XXXXXX")
+trap 'rm -rf --one-file-system "$work"' EXIT
+packages=$(libraries | paste -sd,),systemd,systemd-sysv,dbus,udev,jq,procps
+base=$cache/boot-$(echo "$packages" | md5sum | cut -c1-12).tar
+if [[ ! -f $base ]]; then
+  echo "making a Debian root with systemd"
+  mmdebstrap --quiet --format=tar --variant=minbase --include="$packages" bookworm "$base.new" ||
+    { rm -f "$base.new"; exit 1; }
+  mv "$base.new" "$base"
+fi
+root=$work/root
+mkdir "$root"
+tar -C "$root" -xf "$base"
+
+DESTDIR=$root cmake --install "$build" --prefix /usr >/dev/null
+mkdir -p "$root/opt/proof" "$root/opt/synth/OpenNI2/Drivers"
+runtime=$(readlink -f "$synth/libOpenNI2.so.0")
+ln -s "$runtime" "$root/opt/synth/libOpenNI2.so.0"
+cp "$synth/OpenNI2/Drivers/libMapletSynth.so.0" "$root/opt/synth/OpenNI2/Drivers/"
+install -m 755 "$here/proof.sh" "$root/opt/proof/"
+cp "$root/etc/mapletd/mapletd.toml" "$root/etc/mapletd/agent-2.toml"
+for unit in mapletd mapletd@; do
+  mkdir -p "$root/etc/systemd/system/$unit.service.d"
+  cat >"$root/etc/systemd/system/$unit.service.d/synth.conf" <<EOF
+[Service]
+Environment=LD_LIBRARY_PATH=/opt/synth
+Environment="MAPLET_SYNTH=world=room sim.seed=3 sim.frames=1000000 rate_hz=15"
+WatchdogSec=2
+EOF
+done
+cat >"$root/etc/systemd/system/proof.service" <<EOF
+[Unit]
+After=mapletd.service
+[Service]
+Type=oneshot
+TimeoutStartSec=300
+ExecStart=/opt/proof/proof.sh $cycles
+[Install]
+WantedBy=multi-user.target
+EOF
+systemd-sysusers --root="$root" >/dev/null
+systemctl --root="$root" --quiet enable mapletd proof
+systemctl --root="$root" --quiet mask systemd-networkd-wait-online.service
+
+timeout 400 systemd-nspawn --quiet --directory="$root" --register=no --keep-unit --boot \
+  </dev/null >"$work/console" 2>&1 || true
+if [[ ! -f $root/opt/proof/result ]]; then
+  tail -40 "$work/console"
+  echo "FAIL  it did not boot"
+  exit 1
+fi
+cat "$root/opt/proof/result"
+! grep -q '^FAIL' "$root/opt/proof/result" && grep -q '^PASS  a second agent' "$root/opt/proof/result"
