@@ -67,6 +67,8 @@ class Refiner {
 
  private:
   static constexpr int kMaxNearby = kMaxAssigned;
+  /// A cell that its plane keeps without a look.
+  static constexpr std::uint8_t kKept = 0xFF;
 
   Stop look_along_borders(int ring, Deadline deadline) noexcept;
   [[nodiscard]] bool bury() noexcept;
@@ -91,6 +93,8 @@ class Refiner {
   /// Of a plane's pixels in quarters of a cell.
   [[nodiscard]] Moments moments_of(int i, int j, std::uint8_t name,
                                    unsigned quarters) const noexcept;
+  /// A flat cell whose plane is far from all others there: none of its pixels could go to them.
+  [[nodiscard]] bool keeps(int i, int j, const std::uint8_t* names, int count) const noexcept;
   void collect(int i, int j, const std::uint8_t* names, int count) noexcept;
 
   AssignFunction assign_;
