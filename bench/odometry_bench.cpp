@@ -39,6 +39,7 @@ struct Options {
   bool verbose = false;
   int windows = 0;
   std::string errors;
+  std::string nees;
   std::string plot;
   bool no_gray = false;
 };
@@ -163,7 +164,7 @@ void report(const Options& options, Result& result) {
         i, 1e3 * error.t.x(), 1e3 * error.t.y(), 1e3 * error.t.z(), error.angle() * 57.2958,
         1e3 * truth.t.x(), 1e3 * truth.t.y(), 1e3 * truth.t.z(), truth.angle() * 57.2958);
   }
-  if (result.links.size() == result.keyframes) report_consistency(result, pairs);
+  if (result.links.size() == result.keyframes) report_consistency(result, pairs, options.nees);
   const auto e = eval::evaluate(pairs);
   const auto errors = errors_over_time(pairs, e);
   if (!options.errors.empty()) write_errors(options.errors, errors);
@@ -189,6 +190,7 @@ int main(int argc, char** argv) {
   app.add_flag("--no-gray", options.no_gray, "Depth alone");
   app.add_option("--plot", options.plot, "Draws the error over time, SVG");
   app.add_option("--errors", options.errors, "Writes the error over time, CSV");
+  app.add_option("--nees", options.nees, "Writes the NEES of each increment of a second, CSV");
   app.add_flag("--verbose", options.verbose, "A line per frame");
   app.add_option("--windows", options.windows, "Prints the error over every so many frames");
   CLI11_PARSE(app, argc, argv);

@@ -82,9 +82,12 @@ inline Vector6d truth_jitter(const std::vector<eval::Pair>& pairs) {
 
 // Normalised estimation error squared per degree of freedom, over increments of a second; both
 // ends' jitter of the truth is part of the error.
-inline void report_consistency(const Result& result, const std::vector<eval::Pair>& pairs) {
+inline void report_consistency(const Result& result, const std::vector<eval::Pair>& pairs,
+                               const std::string& file) {
   const Vector6d jitter = truth_jitter(pairs);
   std::vector<double> nees;
+  std::ofstream out;
+  if (!file.empty()) out.open(file);
   Vector6d squared = Vector6d::Zero();
   Vector6d sigma = Vector6d::Zero();
   Vector6d error_rms = Vector6d::Zero();
@@ -104,6 +107,9 @@ inline void report_consistency(const Result& result, const std::vector<eval::Pai
     const Se3 estimate = pairs[i].estimate.inverse() * pairs[j].estimate;
     const Vector6d error = (truth.inverse() * estimate).log();
     nees.push_back(error.dot(covariance.ldlt().solve(error)) / 6.0);
+    if (out.is_open()) {
+      out << fmt::format("{:.3f},{:.3f}\n", seconds(pairs[i].stamp - pairs[0].stamp), nees.back());
+    }
     squared += error.cwiseAbs2().cwiseQuotient(covariance.diagonal());
     sigma += covariance.diagonal();
     error_rms += error.cwiseAbs2();
