@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "core/maplet/codec.hpp"
 #include "core/maplet/maplet.hpp"
 #include "drivers/sim/sim_source.hpp"
 #include "drivers/uri.hpp"
@@ -92,6 +93,23 @@ inline TrueRun read_true_run(const std::string& text) {
         {std::move(maplet), *pose, std::filesystem::file_size(file), file.stem().string()});
   }
   return run;
+}
+
+/// The run as a receiver has it to whom each maplet was sent within `budget` bytes. Maplets whose
+/// first layer is longer are missing.
+inline TrueRun within(const TrueRun& run, std::size_t budget) {
+  TrueRun out;
+  out.folder = run.folder;
+  out.source = run.source;
+  out.world = run.world;
+  for (const TrueMaplet& m : run.maplets) {
+    const auto bytes = files::read_bytes(run.folder + "/maplets/" + m.file + ".maplet");
+    const std::size_t sent = layers_within(bytes, budget);
+    auto part = std::make_unique<Maplet>();
+    if (sent == 0 || !decode(std::span{bytes}.first(sent), *part)) continue;
+    out.maplets.push_back({std::move(part), m.T_world_maplet, sent, m.file});
+  }
+  return out;
 }
 
 /// Share of the smaller maplet's area that the other one saw too, T_a_b being true.

@@ -28,6 +28,14 @@ MapletRecord record_of(const MapletCut& closed) {
           static_cast<std::uint16_t>(closed.maplet.keyframes.size()), closed.bytes};
 }
 
+/// What the stages are to know of the keys that are not theirs alone.
+AgentConfig agent_config(const Config& config) {
+  AgentConfig agent = config.agent;
+  agent.planar = config.mission.motion == "planar";
+  agent.up = config.body.up;
+  return agent;
+}
+
 }  // namespace
 
 App::App(const Options& options, const Config& config)
@@ -35,7 +43,8 @@ App::App(const Options& options, const Config& config)
       config_{config},
       identity_{options.agent, epoch_of(options, config)},
       records_{identity_},
-      agent_{arena_.make<Agent>("agent", config.agent, identity_, meters_, records_, arena_)},
+      agent_{
+          arena_.make<Agent>("agent", agent_config(config), identity_, meters_, records_, arena_)},
       pace_{pace_of(options, config)},
       live_{config,
             [this](const Config& changed) {
@@ -180,7 +189,7 @@ void App::hand_out(const MapletCut* closed) {
   if (closed != nullptr) {
     if (output_) output_->maplet(*closed);
     publish(record_of(*closed));
-    if (radio_) (void)radio_->publish(closed->maplet.key, closed->bytes, 0.5F);
+    if (radio_) (void)radio_->publish(closed->maplet.key, closed->bytes, agent_->saliency());
   }
   for (const DeltaPoseRecord& record : records_.pending()) {
     totals_.add(record.kind);

@@ -11,6 +11,17 @@
 
 namespace maplet::daemon {
 
+/// Keys outside of any section.
+struct MissionConfig {
+  std::string motion = "3d";
+
+  static constexpr Field<MissionConfig> kFields[] = {
+      {"motion", &MissionConfig::motion, 0, 0,
+       "planar: the camera moves in the plane across body.up only, delta-poses have 3 numbers",
+       "3d|planar"},
+  };
+};
+
 /// Where frames come from.
 struct InputConfig {
   std::string source;
@@ -108,6 +119,7 @@ struct RealtimeConfig {
 };
 
 struct Config {
+  MissionConfig mission;
   InputConfig input;
   CameraConfig camera;
   BodyConfig body;

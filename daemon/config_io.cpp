@@ -62,7 +62,19 @@ std::string perhaps(std::string_view section, std::string_view name) {
 
 tl::expected<void, ConfigError> apply(Config& config, const toml::table& root,
                                       std::string_view name) {
+  const auto set = [&](const ConfigKey& key, const toml::node& value) -> std::string {
+    const std::string problem = key.set(config, value);
+    if (problem.empty()) return {};
+    return fmt::format("{}: {} = {}: {}", at(name, value), key.full_name(), on_one_line(value),
+                       problem);
+  };
   for (const auto& [section, node] : root) {
+    if (const ConfigKey* key = find_key("", section.str())) {
+      if (const std::string problem = set(*key, node); !problem.empty()) {
+        return tl::unexpected{problem};
+      }
+      continue;
+    }
     const toml::table* table = node.as_table();
     if (table == nullptr || !is_section(section.str())) {
       return tl::unexpected{
@@ -76,9 +88,8 @@ tl::expected<void, ConfigError> apply(Config& config, const toml::table& root,
             "{}: unknown key '{}.{}'{}; mapletd --print-config lists all keys", at(name, value),
             section.str(), key_name.str(), perhaps(section.str(), key_name.str()))};
       }
-      if (const std::string problem = key->set(config, value); !problem.empty()) {
-        return tl::unexpected{fmt::format("{}: {} = {}: {}", at(name, value), key->full_name(),
-                                          on_one_line(value), problem)};
+      if (const std::string problem = set(*key, value); !problem.empty()) {
+        return tl::unexpected{problem};
       }
     }
   }
@@ -162,7 +173,7 @@ std::string print_config(const Config& config) {
   std::string text = "# mapletd configuration. All keys, with their ranges.\n";
   std::string section;
   for (const ConfigKey& key : config_keys()) {
-    if (key.section != section) {
+    if (key.section != section && !key.section.empty()) {
       section = key.section;
       text += fmt::format("\n[{}]\n", section);
     }

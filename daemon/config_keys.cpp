@@ -188,6 +188,7 @@ void add_section(std::vector<ConfigKey>& keys, std::string section,
 const std::vector<ConfigKey>& config_keys() {
   static const std::vector<ConfigKey> all = [] {
     std::vector<ConfigKey> keys;
+    MAPLET_SECTION("", mission);  // first: TOML has keys without a section before all sections
     MAPLET_SECTION("input", input);
     MAPLET_SECTION("input", agent.decimator);
     MAPLET_SECTION("camera", camera);
@@ -219,6 +220,7 @@ const ConfigKey* find_key(std::string_view section, std::string_view name) {
 }
 
 bool is_section(std::string_view section) {
+  if (section.empty()) return false;
   for (const ConfigKey& key : config_keys()) {
     if (key.section == section) return true;
   }

@@ -14,7 +14,7 @@ namespace maplet::daemon {
 
 /// One key of any stage, without its type.
 struct ConfigKey {
-  std::string section;
+  std::string section;  ///< empty: before all sections
   std::string name;
   std::string help;
   std::string range;  ///< as a person reads it
@@ -22,7 +22,9 @@ struct ConfigKey {
   std::function<std::string(Config&, const toml::node&)> set;
   std::function<std::string(const Config&)> print;
 
-  [[nodiscard]] std::string full_name() const { return section + "." + name; }
+  [[nodiscard]] std::string full_name() const {
+    return section.empty() ? name : section + "." + name;
+  }
 };
 
 /// All keys, section by section, from the stages' field tables.

@@ -76,7 +76,7 @@ void Console::list_maplets(const Agent& agent) noexcept {
     const Skeleton::NodeView node = skeleton.node(i);
     const bool own =
         node.key.agent == about_us_.identity.agent && node.key.epoch == about_us_.identity.epoch;
-    const auto held = own ? agent.maplets().find(node.key.id) : std::nullopt;
+    const auto held = own ? agent.maplets().find(node.key) : std::nullopt;
     maplets_[maplet_count_++] = {node, held ? static_cast<std::uint32_t>(held->size()) : 0};
   }
 }

@@ -72,12 +72,14 @@ std::string report_json(const RunTotals& totals, const SourceCounters& source,
     report["stages"][kStageNames[i]] = stage_json(meters.of(static_cast<Stage>(i)));
   }
   report["tracking"] = {{"keyframes", totals.keyframes}, {"lost", totals.lost}};
-  report["maplets"] = {{"count", totals.maplets},
-                       {"bytes_min", totals.maplet_bytes_min},
-                       {"bytes_mean", mean(totals.maplet_bytes, totals.maplets)},
-                       {"bytes_max", totals.maplet_bytes_max},
-                       {"planes_mean", mean(totals.maplet_planes, totals.maplets)},
-                       {"point_cloud_bytes_mean", mean(totals.point_cloud_bytes, totals.maplets)}};
+  report["maplets"] = {
+      {"count", totals.maplets},
+      {"bytes_min", totals.maplet_bytes_min},
+      {"bytes_mean", mean(totals.maplet_bytes, totals.maplets)},
+      {"bytes_max", totals.maplet_bytes_max},
+      {"planes_mean", mean(totals.maplet_planes, totals.maplets)},
+      {"points_left_out_share", 1.0 - mean(totals.points.kept, totals.points.seen)},
+      {"point_cloud_bytes_mean", mean(totals.point_cloud_bytes, totals.maplets)}};
   report["delta_poses"] = {
       {"count", totals.delta_poses},
       {"closures", totals.closures},

@@ -19,6 +19,7 @@ struct RunTotals {
   std::uint64_t maplet_bytes_min = 0;
   std::uint64_t maplet_bytes_max = 0;
   std::uint64_t maplet_planes = 0;
+  PointShare points;                    ///< of the maplets' keyframes
   std::uint64_t point_cloud_bytes = 0;  ///< 12 x valid pixels of each origin keyframe
   std::uint32_t delta_poses = 0;
   std::uint32_t closures = 0;
@@ -42,6 +43,8 @@ struct RunTotals {
     maplet_bytes += bytes;
     maplet_planes += closed.maplet.planes.size();
     point_cloud_bytes += 12 * closed.origin_valid_pixels;
+    points.seen += closed.points.seen;
+    points.kept += closed.points.kept;
     ++maplets;
   }
 };

@@ -1,6 +1,8 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #include "core/agent/agent.hpp"
 
+#include <cstdlib>
+
 #include "core/agent/own_places.hpp"
 
 namespace maplet {
@@ -41,9 +43,13 @@ Agent::Agent(const AgentConfig& config, AgentIdentity identity, StageMeter& mete
                    static_cast<std::size_t>(config.limits.foreign_maplets),
                    static_cast<std::size_t>(config.maplet.max_bytes)},
                   arena},
+      planar_wanted_{config.planar},
+      up_{config.up},
+      salient_{arena.make<Saliency>("agent/saliency")},
       previous_{arena.make<Maplet>("agent/previous maplet")},
       older_{arena.make<Maplet>("agent/older maplet")} {
   builder_.identify(identity.agent, identity.epoch, 0);
+  builder_.know_up(config.up);
   tracker_.look_through(views_);
 }
 
@@ -65,17 +71,50 @@ Step Agent::step(const DepthFrame& full_frame, Deadline deadline) noexcept {
                        [&](Deadline until) { return &extractor_.run(frame, until); });
   step.track = timed(Stage::kOdometry, budget_.odometry, deadline,
                      [&](Deadline until) { return tracker_.run(frame, *step.patches, until); });
+  hold_to_plane(step.track);
   if (!skeleton_.settled())
     timed(Stage::kSkeleton, budget_.skeleton, deadline,
           [&](Deadline until) { return skeleton_.update(until); });
-  if (!step.track.keyframe_due) return step;
+  const bool origin =
+      origin_asked_ && step.track.state == Track::State::kTracking && frame.stamp >= *origin_asked_;
+  if (!step.track.keyframe_due && !origin) return step;
+  if (origin) {
+    builder_.ask_origin();
+    origin_asked_.reset();
+  }
+  if (planar_wanted_ && !planar_) fix_plane(*step.patches);
 
   step.keyframe = &tracker_.make_keyframe(frame, *step.patches, step.track);
   views_.saw(*step.keyframe);
   step.closed = timed(Stage::kMaplet, budget_.maplet, deadline,
-                      [&](Deadline until) { return builder_.add(*step.keyframe, until); });
+                      [&](Deadline until) { return builder_.add(*step.keyframe, &frame, until); });
   if (step.closed != nullptr) take(*step.closed, deadline);
   return step;
+}
+
+// The first keyframe's view says in which plane everything will move.
+void Agent::fix_plane(const PatchSet& patches) noexcept {
+  constexpr double kTilted_rad = 0.6;
+  const Eigen::Vector3d level{0.0, -1.0, 0.0};
+  Eigen::Vector3d up = level;
+  if (up_) {
+    up = Eigen::Vector3d{(*up_)[0], (*up_)[1], (*up_)[2]}.normalized();
+  } else if (const Eigen::Vector3d found = up_of(patches, level, kTilted_rad); !found.isZero()) {
+    up = found;
+  }
+  planar_.emplace(up);
+  builder_.hold_to(*planar_);
+  registrar_.hold_to(*planar_);
+  closures_.hold_to(*planar_);
+}
+
+void Agent::hold_to_plane(Track& track) const noexcept {
+  if (!planar_) return;
+  const Se3 T_odom_keyframe = track.T_odom_camera.se3 * track.T_keyframe_camera.se3.inverse();
+  const auto held = planar_->condition(track.T_keyframe_camera.se3, track.covariance);
+  track.T_keyframe_camera.se3 = held.T;
+  track.covariance = held.covariance;
+  track.T_odom_camera.se3 = planar_->project(T_odom_keyframe * held.T);
 }
 
 const MapletCut* Agent::finish(Deadline deadline) noexcept {
@@ -123,9 +162,14 @@ bool Agent::meet(Deadline deadline) noexcept {
 }
 
 void Agent::take(const MapletCut& closed, Deadline deadline) noexcept {
-  store_.put(closed.maplet.key.id, closed.bytes);
+  const MapletKey& key = closed.maplet.key;
+  if (!store_.put(key, closed.bytes)) std::abort();
   views_.add(closed.maplet);
-  skeleton_.add(closed.maplet.key);
+  timed(Stage::kRegistration, budget_.registration, deadline, [&](Deadline) {
+    store_.set_frontier(key, find_frontier(closed.maplet, up_of(closed.maplet)).region);
+    saliency_ = static_cast<float>(salient_->of(closed.maplet));
+  });
+  skeleton_.add(key);
   if (closed.link.valid) {
     const DeltaPose link =
         timed(Stage::kRegistration, budget_.registration, deadline, [&](Deadline until) {

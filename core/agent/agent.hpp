@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 
 #include "core/agent/agent_config.hpp"
 #include "core/agent/encounters.hpp"
@@ -16,6 +17,7 @@
 #include "core/ports/stage_meter.hpp"
 #include "core/registration/closure_finder.hpp"
 #include "core/registration/registrar.hpp"
+#include "core/registration/saliency.hpp"
 #include "core/skeleton/skeleton.hpp"
 
 namespace maplet {
@@ -55,6 +57,18 @@ class Agent {
   /// Closes the maplet that is being built: the recording is over.
   /// @return it, or nullptr when there is nothing new
   const MapletCut* finish(Deadline deadline) noexcept;
+
+  /// A measurement wants a maplet's origin at its stamp: the first tracked frame that is not older
+  /// becomes one, where a maplet has room for it.
+  void ask_origin(Stamp stamp) noexcept { origin_asked_ = stamp; }
+  /// Where a tracked frame is in the maplet under construction: what a measurement of that moment
+  /// is carried to the origin with (carry_to_origin). @param track  of the newest step
+  [[nodiscard]] std::optional<PathPoint> locate(const Track& track) const noexcept {
+    return builder_.locate(track);
+  }
+  /// How likely the newest maplet is to be found again, 0..1: what is shared first.
+  [[nodiscard]] float saliency() const noexcept { return saliency_; }
+  [[nodiscard]] const MapletCounts& maplet_counts() const noexcept { return builder_.counts(); }
 
   /// Takes in what another agent found out: its delta-pose or closure, as everybody reads it. A
   /// closure far from what the skeleton says already is refused: kBadMeasurement.
@@ -97,6 +111,8 @@ class Agent {
   void close_loops(const Maplet& newest, Deadline deadline) noexcept;
   void record_and_add(const DeltaPose& delta, Deadline deadline) noexcept;
 
+  void fix_plane(const PatchSet& patches) noexcept;
+  void hold_to_plane(Track& track) const noexcept;
   [[nodiscard]] bool contradicts(const DeltaPose& closure) const noexcept;
 
   AgentIdentity identity_;
@@ -114,6 +130,12 @@ class Agent {
   MapletStore store_;
   MapletViews views_;
   Encounters encounters_;
+  bool planar_wanted_;
+  Vector3OrAuto up_;
+  std::optional<PlanarMotion> planar_;  ///< once up is known
+  std::optional<Stamp> origin_asked_;
+  Arena::Owned<Saliency> salient_;
+  float saliency_ = 0.0F;
   StaticVector<DeltaPose, 64> refused_;
   std::uint64_t refused_closures_ = 0;
   Arena::Owned<Maplet> previous_;  ///< the maplet before the newest

@@ -47,6 +47,9 @@ struct LimitsConfig {
 };
 
 struct AgentConfig {
+  /// The camera moves in the plane across `up` only.
+  bool planar = false;
+  Vector3OrAuto up;  ///< in the first camera's frame
   FrameConfig frame;
   DecimatorConfig decimator;
   PatchConfig patches;

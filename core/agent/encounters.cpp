@@ -59,7 +59,8 @@ bool is_own(const MapletKey& key, const MapletKey& self) noexcept {
 }  // namespace
 
 Encounters::Encounters(const RegistrationConfig& config, const Capacity& capacity, Arena& arena)
-    : foreign_{capacity.foreign, capacity.maplet_bytes, arena},
+    : foreign_{capacity.foreign, capacity.maplet_bytes, arena, "agent/foreign slots",
+               "agent/foreign maplets"},
       index_{capacity.own + capacity.foreign, arena},
       verifier_{config, kHypotheses, arena},
       a_{arena.make<Maplet>("agent/a place")},
@@ -88,7 +89,7 @@ void Encounters::add_own(const Maplet& maplet) noexcept {
 
 bool Encounters::load(const MapletKey& key, const MapletStore& own, const MapletKey& self,
                       Maplet& out) const noexcept {
-  const auto bytes = is_own(key, self) ? own.find(key.id) : foreign_.find(key);
+  const auto bytes = is_own(key, self) ? own.find(key) : foreign_.find(key);
   return bytes && decode(*bytes, out) && out.key == key;
 }
 
@@ -145,17 +146,7 @@ Encounters::Found Encounters::judge(const Skeleton& skeleton, const MapletKey& s
     });
     if (twice) continue;
     ++counts_of(is_own(h.a, self) ? h.b.agent : h.a.agent).accepted;
-    DeltaPose closure;
-    closure.kind = DeltaPose::Kind::kClosure;
-    closure.a = h.a;
-    closure.b = h.b;
-    closure.stamp_a = h.stamp_a;
-    closure.stamp_b = h.stamp_b;
-    closure.T_a_b = h.alignment.T_a_b;
-    closure.covariance = h.alignment.covariance;
-    closure.overlap = static_cast<float>(h.alignment.overlap);
-    closure.matches = h.alignment.matches;
-    found.push_back(closure);
+    found.push_back(closure_of(h.a, h.stamp_a, h.b, h.stamp_b, h.alignment));
   }
   return found;
 }

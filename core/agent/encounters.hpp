@@ -6,7 +6,6 @@
 #include <span>
 #include <string_view>
 
-#include "core/agent/foreign_maplets.hpp"
 #include "core/agent/maplet_store.hpp"
 #include "core/base/arena.hpp"
 #include "core/base/deadline.hpp"
@@ -82,7 +81,7 @@ class Encounters {
                             const MapletKey& b) const noexcept;
   EncounterCounts& counts_of(std::uint16_t agent) noexcept;
 
-  ForeignMaplets foreign_;
+  MapletStore foreign_;
   PlaceIndex index_;
   PlaceVerifier verifier_;
   Arena::Owned<Maplet> a_;

@@ -24,7 +24,7 @@ void MapletViews::add(const Maplet& maplet) noexcept {
   for (std::size_t k = 0; k < maplet.keyframes.size(); ++k) {
     const Se3 T_odom_view = origin->stored.T_odom_view * maplet.keyframes[k].T_maplet_camera.se3;
     views_[next_] = {
-        {T_odom_view, origin->stored.segment}, maplet.key.id, static_cast<std::uint8_t>(k)};
+        {T_odom_view, origin->stored.segment}, maplet.key, static_cast<std::uint8_t>(k)};
     next_ = (next_ + 1) % kViews;
     count_ = std::min(count_ + 1, kViews);
   }
@@ -32,7 +32,7 @@ void MapletViews::add(const Maplet& maplet) noexcept {
 
 bool MapletViews::draw(std::size_t index, const CameraModel& camera, PatchSet& out) noexcept {
   const View& view = views_[index];
-  if (!any_decoded_ || decoded_->key.id != view.maplet) {
+  if (!any_decoded_ || decoded_->key != view.maplet) {
     const auto bytes = store_.find(view.maplet);
     any_decoded_ = bytes && decode(*bytes, *decoded_);
     if (!any_decoded_) return false;

@@ -45,7 +45,7 @@ class MapletViews final : public ViewSource {
   };
   struct View {
     StoredView stored;
-    std::uint32_t maplet = 0;
+    MapletKey maplet;
     std::uint8_t keyframe = 0;
   };
   static constexpr std::size_t kSeen = 2 * kMaxMapletKeyframes;

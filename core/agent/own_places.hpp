@@ -28,8 +28,11 @@ class OwnPlaces final : public PlacePrior {
     return true;
   }
   [[nodiscard]] const Maplet* load(int index) noexcept override {
-    const auto bytes = store_.find(key(index).id);
+    const auto bytes = store_.find(key(index));
     return bytes && decode(*bytes, scratch_) ? &scratch_ : nullptr;
+  }
+  [[nodiscard]] const RegionOfInterest* frontier(int index) const noexcept override {
+    return store_.frontier(key(index));
   }
 
  private:

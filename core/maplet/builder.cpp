@@ -4,8 +4,10 @@
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
+#include <utility>
 
 #include "core/maplet/codec.hpp"
+#include "core/maplet/structure.hpp"
 
 namespace maplet {
 
@@ -13,6 +15,7 @@ namespace {
 
 constexpr double kFullShare =
     0.92;  // of max_bytes, as estimated: a maplet ends before planes must go
+constexpr double kWorthMoving = 1.2;  // times the structure at the usual boundary
 
 // Covariance of T_a_c from those of T_a_b and T_b_c, each in the tangent of its own right frame.
 Matrix6d chain(const Matrix6d& of_b, const Se3& T_b_c, const Matrix6d& of_c) noexcept {
@@ -26,12 +29,14 @@ MapletBuilder::MapletBuilder(const MapletConfig& config, Arena& arena)
     : config_{config},
       map_{config, arena},
       rule_{config},
+      depth_{arena.make<DepthThumb>("maplet/depth")},
       draft_{arena.make<Maplet>("maplet/draft")},
       cut_{arena.make<MapletCut>("maplet/finished")},
       bytes_{arena.make_array<std::byte>(kMaxMapletBytes, "maplet/bytes")} {
-  const int overlap = std::min(config.overlap_keyframes, config.max_keyframes - 1);
-  for (int i = 0; i < overlap; ++i) {
-    recent_.push_back(arena.make<Keyframe>("maplet/overlap keyframe"));
+  const int kept =
+      std::min(config.overlap_keyframes + config.boundary_keyframes, config.max_keyframes - 1);
+  for (int i = 0; i < kept; ++i) {
+    recent_.push_back(arena.make<Recent>("maplet/overlap keyframe"));
   }
 }
 
@@ -40,22 +45,30 @@ void MapletBuilder::identify(std::uint16_t agent, std::uint32_t epoch,
   key_ = {agent, epoch, first_id};
 }
 
-const MapletCut* MapletBuilder::add(const Keyframe& keyframe, Deadline deadline) noexcept {
+const MapletCut* MapletBuilder::add(const Keyframe& keyframe, const DepthFrame* frame,
+                                    Deadline deadline) noexcept {
   const MapletCut* done = nullptr;
+  depth_->clear();
+  if (frame != nullptr) depth_->take(*frame);
+  up_.look(keyframe);
+  const bool asked = std::exchange(origin_asked_, false);
   if (members_.empty()) {
     start(keyframe);
   } else if (keyframe.segment != segment_ || keyframe.blind_spells != blind_spells_) {
-    const Member last = members_.back();
+    const Member next = follow(keyframe);
     done = cut(CutReason::kLost);
-    const Se3 T_last_this = last.T_odom_camera.inverse() * keyframe.T_odom_camera.se3;
-    link_to(last.T_origin_camera * T_last_this,
-            chain(last.covariance, T_last_this, keyframe.covariance));
+    link_to(next.T_origin_camera, next.covariance);
     start(keyframe);
+  } else if (asked && members_.size() < static_cast<std::size_t>(config_.max_keyframes)) {
+    take(keyframe, *depth_, deadline);
+    done = cut(CutReason::kAsked);
+    start_overlapping(1, deadline);
+    return done;
   } else if (const CutReason reason = due(keyframe); reason != CutReason::kNone) {
     done = cut(reason);
-    start_overlapping(deadline);
+    start_overlapping(choose_overlap(), deadline);
   }
-  take(keyframe, deadline);
+  take(keyframe, *depth_, deadline);
   return done;
 }
 
@@ -68,7 +81,7 @@ const MapletCut* MapletBuilder::finish() noexcept {
   return done;
 }
 
-CutReason MapletBuilder::due(const Keyframe& keyframe) const noexcept {
+CutReason MapletBuilder::due(const Keyframe& keyframe) noexcept {
   // It must bring something that the maplet before it has not, and leave the next another origin.
   if (members_.size() <= std::max<std::size_t>(shared_, 1)) return CutReason::kNone;
   if (members_.size() >= static_cast<std::size_t>(config_.max_keyframes)) {
@@ -78,6 +91,9 @@ CutReason MapletBuilder::due(const Keyframe& keyframe) const noexcept {
   if (static_cast<double>(map_.estimated_bytes() + keyframe_bytes) >
       kFullShare * config_.max_bytes) {
     return CutReason::kBytes;
+  }
+  if (!map_.open(Eigen::Vector3d::Zero(), follow(keyframe).T_origin_camera.t)) {
+    return CutReason::kHidden;
   }
   return rule_.check(keyframe.T_odom_camera.se3);
 }
@@ -92,18 +108,41 @@ void MapletBuilder::start(const Keyframe& origin) noexcept {
   recent_count_ = 0;
 }
 
-// The last keyframes of the maplet that ended are the first of the next.
-void MapletBuilder::start_overlapping(Deadline deadline) noexcept {
-  const std::size_t shared =
+// How many of the last keyframes the next maplet begins with: in sight of this origin, then with
+// most structure around it.
+std::size_t MapletBuilder::choose_overlap() noexcept {
+  const std::size_t most =
       std::min({recent_.size(), recent_count_, std::max<std::size_t>(1, members_.size() / 2)});
+  const auto usual = std::min(static_cast<std::size_t>(config_.overlap_keyframes), most);
+  const auto range = static_cast<std::size_t>(config_.boundary_keyframes);
+  const auto origin = [&](std::size_t shared) -> const Member& {
+    return members_[members_.size() - shared];
+  };
+  std::size_t best = usual;
+  bool best_open = map_.open(Eigen::Vector3d::Zero(), origin(usual).T_origin_camera.t);
+  double worth = kWorthMoving * origin(usual).structure;
+  for (std::size_t n = usual > range ? usual - range : 1; n <= std::min(most, usual + range); ++n) {
+    const bool open = map_.open(Eigen::Vector3d::Zero(), origin(n).T_origin_camera.t);
+    if (open < best_open || (open == best_open && origin(n).structure <= worth)) continue;
+    best = n;
+    best_open = open;
+    worth = origin(n).structure;
+  }
+  if (!best_open) ++map_.counts().hidden_origins;
+  return best;
+}
+
+// The last keyframes of the maplet that ended are the first of the next.
+void MapletBuilder::start_overlapping(std::size_t shared, Deadline deadline) noexcept {
   const std::size_t end = recent_count_;
   const std::size_t first = end - shared;
   const Member& origin = members_[members_.size() - shared];
   link_to(origin.T_origin_camera, origin.covariance);
-  start(*recent_[first % recent_.size()]);
+  start(recent_[first % recent_.size()]->keyframe);
   for (std::size_t i = first; i < end; ++i) {
     recent_count_ = i;  // each keeps its place in the ring
-    take(*recent_[i % recent_.size()], deadline);
+    const Recent& recent = *recent_[i % recent_.size()];
+    take(recent.keyframe, recent.depth, deadline);
   }
   shared_ = shared;
 }
@@ -116,26 +155,62 @@ void MapletBuilder::link_to(const Se3& T_previous_this, const Matrix6d& covarian
   link_.covariance = covariance;
 }
 
-void MapletBuilder::take(const Keyframe& keyframe, Deadline deadline) noexcept {
-  Member member{keyframe.stamp, keyframe.T_odom_camera.se3, Se3{}, Matrix6d::Zero(),
-                keyframe.patches.valid_pixels};
+// A keyframe as the odometry continues from the last one.
+MapletBuilder::Member MapletBuilder::follow(const Keyframe& keyframe) const noexcept {
+  Member member;
+  member.keyframe_id = keyframe.id;
+  member.stamp = keyframe.stamp;
+  member.T_odom_camera = keyframe.T_odom_camera.se3;
+  if (members_.empty()) return member;
+  const Member& last = members_.back();
+  PlanarMotion::Conditioned step{last.T_odom_camera.inverse() * member.T_odom_camera,
+                                 keyframe.covariance};
+  if (planar_) step = planar_->condition(step.T, step.covariance);
+  member.covariance = chain(last.covariance, step.T, step.covariance);
+  member.T_origin_camera = last.T_origin_camera * step.T;
+  return member;
+}
+
+void MapletBuilder::take(const Keyframe& keyframe, const DepthThumb& depth,
+                         Deadline deadline) noexcept {
+  Member member = follow(keyframe);
+  member.valid_pixels = keyframe.patches.valid_pixels;
+  member.structure = structure_of(keyframe.patches);
   if (!members_.empty()) {
-    const Member& last = members_.back();
-    const Se3 T_last_this = last.T_odom_camera.inverse() * member.T_odom_camera;
-    member.covariance = chain(last.covariance, T_last_this, keyframe.covariance);
     member.T_origin_camera =
-        map_.refine(keyframe.patches, last.T_origin_camera * T_last_this, keyframe.covariance);
+        map_.refine(keyframe.patches, member.T_origin_camera, keyframe.covariance);
+    if (planar_) member.T_origin_camera = planar_->project(member.T_origin_camera);
     rule_.go(member.T_odom_camera);
   }
   members_.push_back(member);
-  map_.add(keyframe.patches, member.T_origin_camera, member.covariance, deadline);
-  remember(keyframe);
+  map_.add(keyframe.patches, depth, member.T_origin_camera, member.covariance, deadline);
+  remember(keyframe, depth);
 }
 
-void MapletBuilder::remember(const Keyframe& keyframe) noexcept {
-  Keyframe& slot = *recent_[recent_count_ % recent_.size()];
-  if (&slot != &keyframe) slot = keyframe;
+void MapletBuilder::remember(const Keyframe& keyframe, const DepthThumb& depth) noexcept {
+  Recent& slot = *recent_[recent_count_ % recent_.size()];
+  if (&slot.keyframe != &keyframe) {
+    slot.keyframe = keyframe;
+    slot.depth = depth;
+  }
   ++recent_count_;
+}
+
+std::optional<PathPoint> MapletBuilder::locate(const Track& track) const noexcept {
+  if (track.state != Track::State::kTracking) return {};
+  const auto member = std::find_if(members_.begin(), members_.end(), [&](const Member& m) {
+    return m.keyframe_id == track.keyframe_id;
+  });
+  if (member == members_.end()) return {};
+  const Se3& T_member_camera = track.T_keyframe_camera.se3;
+  PathPoint point;
+  point.maplet = key_;
+  point.stamp = track.stamp;
+  point.stamp_maplet = members_.front().stamp;
+  point.T_maplet_camera =
+      Transform<MapletFrame, CameraFrame>{member->T_origin_camera * T_member_camera};
+  point.covariance = chain(member->covariance, T_member_camera, track.covariance);
+  return point;
 }
 
 const MapletCut* MapletBuilder::cut(CutReason reason) noexcept {
@@ -146,6 +221,7 @@ const MapletCut* MapletBuilder::cut(CutReason reason) noexcept {
     draft_->clear();
     draft_->key = key_;
     draft_->stamp = members_.front().stamp;
+    draft_->up = up_.at(members_.front().T_odom_camera);
     for (const Member& m : members_) {
       draft_->keyframes.push_back(
           {m.stamp, Transform<MapletFrame, CameraFrame>{m.T_origin_camera}});
@@ -165,6 +241,7 @@ const MapletCut* MapletBuilder::cut(CutReason reason) noexcept {
   cut_->bytes = bytes_.first(*size);
   cut_->link = link_;
   cut_->reason = reason;
+  cut_->points = map_.points();
   cut_->origin_valid_pixels = members_.front().valid_pixels;
   ++key_.id;
   return cut_.get();

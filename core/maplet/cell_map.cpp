@@ -40,7 +40,7 @@ std::size_t CellMap::slot(std::uint32_t plane, int tile_column, int tile_row) co
   return at;
 }
 
-Tile* CellMap::find(std::uint32_t plane, int column, int row) noexcept {
+Tile* CellMap::find(std::uint32_t plane, int column, int row) const noexcept {
   // Shifts of negative numbers round down: what floor division needs.
   const std::int32_t index = slots_[slot(plane, column >> 3, row >> 3)];
   return index == 0 ? nullptr : &tiles_[index - 1];

@@ -37,7 +37,7 @@ class CellMap {
   explicit CellMap(Arena& arena);
   void clear() noexcept;
   /// The tile of a cell (column, row), or nullptr.
-  [[nodiscard]] Tile* find(std::uint32_t plane, int column, int row) noexcept;
+  [[nodiscard]] Tile* find(std::uint32_t plane, int column, int row) const noexcept;
   /// The same, made when needed; nullptr when no tiles are left.
   /// @param first  head of the plane's list of tiles (-1 = none), extended
   [[nodiscard]] Tile* make(std::uint32_t plane, std::int32_t& first, int column, int row) noexcept;

@@ -11,6 +11,7 @@ struct MapletConfig {
   int max_bytes = 8192;
   int max_keyframes = 20;
   int overlap_keyframes = 2;
+  int boundary_keyframes = 1;
   double max_path_m = 3.0;
   double max_yaw_rad = 1.2;
   double max_curvature_rad = 3.0;
@@ -23,11 +24,12 @@ struct MapletConfig {
   double floor_m = 0.001;
   double floor_rad = 0.001;
   double uneven_m = 0.004;
-  double odometry_scale = 3.0;
-  double odometry_floor_m = 0.004;
-  double odometry_floor_rad = 0.004;
+  double odometry_scale = 0.0;
+  double odometry_floor_m = 0.0;
+  double odometry_floor_rad = 0.0;
 
   static constexpr int kMaxOverlapKeyframes = 4;
+  static constexpr int kMaxBoundaryKeyframes = 3;
 
   static constexpr Field<MapletConfig> kFields[] = {
       {"max_bytes", &MapletConfig::max_bytes, 1024, kMaxMapletBytes,
@@ -36,6 +38,8 @@ struct MapletConfig {
        "Keyframes in one maplet"},
       {"overlap_keyframes", &MapletConfig::overlap_keyframes, 1, kMaxOverlapKeyframes,
        "Keyframes that a maplet shares with the one before it"},
+      {"boundary_keyframes", &MapletConfig::boundary_keyframes, 0, kMaxBoundaryKeyframes,
+       "So many more or less where that puts the next origin in the open, among structure"},
       {"max_path_m", &MapletConfig::max_path_m, 0.1, 100.0,
        "A maplet ends when its path is this long"},
       {"max_yaw_rad", &MapletConfig::max_yaw_rad, 0.1, 6.3,

@@ -17,13 +17,15 @@ enum class CutReason : std::uint8_t {
   kPath,
   kKeyframes,
   kBytes,
+  kHidden,  ///< a surface is between the origin and the camera: the skeleton's line would cross it
+  kAsked,   ///< a measurement wants an origin at its stamp
   kLost,
   kEnd
 };
 
 [[nodiscard]] constexpr std::string_view to_string(CutReason reason) noexcept {
-  constexpr std::string_view kNames[] = {"none",      "curvature", "yaw",  "path",
-                                         "keyframes", "bytes",     "lost", "end"};
+  constexpr std::string_view kNames[] = {"none",  "curvature", "yaw",   "path", "keyframes",
+                                         "bytes", "hidden",    "asked", "lost", "end"};
   return kNames[static_cast<std::size_t>(reason)];
 }
 

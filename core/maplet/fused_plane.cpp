@@ -15,6 +15,10 @@ constexpr double kUneven_m = 0.006;
 constexpr double kUneven_rad = 0.02;
 constexpr double kStudentNu = 5.0;
 
+constexpr double kMostScatter = 300.0;  // of one sighting: beyond it is another surface
+constexpr double kScatterPrior = 3.0;   // degrees of freedom that are as predicted
+constexpr double kIndependent = 3.0;    // sightings, of any number
+
 Eigen::Matrix3d uneven() noexcept {
   return Eigen::Vector3d{kUneven_rad * kUneven_rad, kUneven_rad * kUneven_rad,
                          kUneven_m * kUneven_m}
@@ -52,11 +56,20 @@ double FusedPlane::distance(const PlaneSighting& sighting, double gate_m,
   return delta.dot(sum.inverse() * delta);
 }
 
+Eigen::Matrix3d FusedPlane::honest_covariance() const noexcept {
+  const double scale = (kScatterPrior + scatter) / (kScatterPrior + scattered);
+  if (scale <= 1.0) return covariance();
+  const double shared = std::max(1.0, observations / kIndependent);
+  return scale * (1.0 + (shared - 1.0) * std::min(1.0, scale - 1.0)) * covariance();
+}
+
 void FusedPlane::fuse(const PlaneSighting& sighting, std::uint32_t keyframe) noexcept {
   const Eigen::Matrix3d change = sighting.tangent.change_to(tangent);
   const Eigen::Matrix3d measured = change * sighting.covariance * change.transpose();
   const Eigen::Vector3d delta = tangent.of(sighting.plane);
   const double chi2 = delta.dot((measured + covariance() + uneven()).inverse() * delta);
+  scatter += std::min(kMostScatter, delta.dot((measured + covariance()).inverse() * delta));
+  scattered += 3;
   const double weight = (kStudentNu + 3.0) / (kStudentNu + chi2);  // eq. 4
   const Eigen::Matrix3d gain = std::min(weight, 1.0) * measured.inverse();
   information += gain;

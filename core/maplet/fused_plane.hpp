@@ -32,8 +32,11 @@ struct FusedPlane {
   Plane plane;
   PlaneTangent tangent;           ///< of `plane`
   Eigen::Matrix3d information;    ///< of the tangent
+  double scatter = 0.0;           ///< sum of its sightings' squared normalised offsets, bounded
+  std::uint32_t scattered = 0;    ///< degrees of freedom of that
   PlaneBasis anchor{Plane{}, 0};  ///< of its cells: fixed while the plane settles
   std::uint8_t axis = 0;          ///< of `anchor`
+  std::uint64_t points = 0;       ///< depth pixels that were placed on it
   double gray_sum = 0.0;
   double gray_area_m2 = 0.0;
 
@@ -45,6 +48,9 @@ struct FusedPlane {
                                 double gate_rad) const noexcept;
   void fuse(const PlaneSighting& sighting, std::uint32_t keyframe) noexcept;
   [[nodiscard]] Eigen::Matrix3d covariance() const noexcept { return information.inverse(); }
+  /// The same as far as the sightings' own differences bear it out: what one keyframe's view is off by
+  /// the next one's is, too, so that only kIndependent of them count as such. eq. 7
+  [[nodiscard]] Eigen::Matrix3d honest_covariance() const noexcept;
 };
 
 }  // namespace maplet

@@ -35,6 +35,31 @@ void PlaneMap::for_occupied(const FusedPlane& plane, F f) const noexcept {
   }
 }
 
+// Whether a cell of the settled plane's grid is surface, by what was seen in the cells of the
+// anchor's grid that lie under it: they do not fall on each other.
+bool PlaneMap::surface_in(const FusedPlane& from, const PlaneBasis& basis, const CellGrid& grid,
+                          int column, int row) const noexcept {
+  const int side = 2 << grid.level;
+  const double step_m = 0.5 * config_.cell_m;
+  int touched = 0;
+  int hits = 0;
+  int frees = 0;
+  for (int k = 0; k < side * side; ++k) {
+    const double x = ((grid.column0 + column) * side + k % side + 0.5) * step_m;
+    const double y = ((grid.row0 + row) * side + k / side + 0.5) * step_m;
+    const Eigen::Vector2d at = from.anchor.coordinates(basis.point(x, y)) / config_.cell_m;
+    const int c = static_cast<int>(std::floor(at.x()));
+    const int r = static_cast<int>(std::floor(at.y()));
+    const Tile* tile = cells_.find(from.serial, c, r);
+    const int cell = CellMap::index_in_tile(c, r);
+    if (tile == nullptr || ((tile->touched >> cell) & 1U) == 0) continue;
+    ++touched;
+    hits += tile->hits[cell];
+    frees += tile->frees[cell];
+  }
+  return 2 * touched >= side * side && hits > 0 && frees <= config_.max_free_share * (hits + frees);
+}
+
 bool PlaneMap::lay_grid(const FusedPlane& from, Maplet& out, MapletPlane& plane) const noexcept {
   const PlaneBasis basis = plane.basis();
   Bounds bounds;
@@ -55,12 +80,11 @@ bool PlaneMap::lay_grid(const FusedPlane& from, Maplet& out, MapletPlane& plane)
     grid.columns = static_cast<std::uint16_t>(count.x());
     grid.rows = static_cast<std::uint16_t>(count.y());
     if (!out.take_cells(grid)) continue;
-    const double size = out.cell_m_of(grid);
-    for_occupied(from, [&](const Eigen::Vector3d& p) {
-      const Eigen::Vector2d at = basis.coordinates(p) / size;
-      out.set_cell(grid, static_cast<int>(std::floor(at.x())) - grid.column0,
-                   static_cast<int>(std::floor(at.y())) - grid.row0);
-    });
+    for (int row = 0; row < grid.rows; ++row) {
+      for (int column = 0; column < grid.columns; ++column) {
+        if (surface_in(from, basis, grid, column, row)) out.set_cell(grid, column, row);
+      }
+    }
     return true;
   }
   return false;
@@ -68,6 +92,7 @@ bool PlaneMap::lay_grid(const FusedPlane& from, Maplet& out, MapletPlane& plane)
 
 void PlaneMap::assemble(Maplet& out, std::size_t limit) noexcept {
   out.cell_m = config_.cell_m;
+  points_.kept = 0;
   const auto ranked = ranked_.first(planes_.count);
   for (std::size_t i = 0; i < ranked.size(); ++i) ranked[i] = static_cast<std::uint16_t>(i);
   std::sort(ranked.begin(), ranked.end(), [&](std::uint16_t a, std::uint16_t b) {
@@ -96,7 +121,7 @@ void PlaneMap::assemble(Maplet& out, std::size_t limit) noexcept {
     const PlaneBasis basis = plane.basis();
     const PlaneTangent tangent{basis.u, basis.v, plane.plane.n, plane.centre};
     const Eigen::Matrix3d change = from.tangent.change_to(tangent);
-    plane.covariance = change * from.covariance() * change.transpose();
+    plane.covariance = change * from.honest_covariance() * change.transpose();
     plane.covariance.diagonal() +=
         Eigen::Vector3d{config_.floor_rad, config_.floor_rad, config_.floor_m}
             .cwiseAbs2();  // eq. 7
@@ -106,6 +131,7 @@ void PlaneMap::assemble(Maplet& out, std::size_t limit) noexcept {
       plane.mean_gray = static_cast<float>(from.gray_sum / from.gray_area_m2);
     }
     out.planes.push_back(plane);
+    points_.kept += from.points;
   }
 }
 

@@ -1,7 +1,6 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 // Where on its plane a surface is: cells that patches cover and that later looks confirm.
 #include <algorithm>
-#include <bit>
 #include <cmath>
 
 #include "core/maplet/plane_map.hpp"
@@ -25,6 +24,11 @@ double slack_m(double fit_m, double depth_m) noexcept {
   return 1.5 * fit_m + 0.002 * depth_m * depth_m;
 }
 
+// What was seen so far behind a cell was seen through it.
+double behind_m(double fit_m, double depth_m) noexcept {
+  return 2.0 * fit_m + 0.004 * depth_m * depth_m;
+}
+
 }  // namespace
 
 // Marks the cells under a patch: rays not quite a cell apart, cut with the plane (eq. 6).
@@ -37,6 +41,7 @@ void PlaneMap::place_patch(const View& view, FusedPlane& plane, const Patch& pat
     return;
   }
   ++counts_.patches_placed;
+  plane.points += patch.pixels;
   const CameraModel& camera = view.set.camera;
   const double slant = std::max(0.1, -local.n.dot(centre) / centre.norm());
   const double step_px = kStepCells * config_.cell_m / centre.z() * std::abs(camera.fx_px) * slant;
@@ -93,10 +98,33 @@ void PlaneMap::place_loose(const View& view) noexcept {
     }
     if (best == nullptr) {
       ++counts_.patches_loose;
+      place_quad(view, patch);
     } else {
       place_patch(view, *best, patch);
     }
   }
+}
+
+// A loose patch is a small plane of its own where it is large enough to be written at all.
+void PlaneMap::place_quad(const View& view, const Patch& patch) noexcept {
+  const Plane plane = Plane::from_theta(patch.theta);
+  const Eigen::Vector3d centre = patch.centre();
+  const double slant = std::max(0.1, -plane.n.dot(centre) / centre.norm());
+  const double pixel_m = centre.z() / std::abs(view.set.camera.fx_px);
+  const double area_m2 = patch.pixels * pixel_m * pixel_m / slant;
+  FusedPlane* made = nullptr;
+  if (area_m2 >= config_.min_area_m2) {
+    PlaneSighting sighting = sight(view, plane, patch.information, centre);
+    sighting.area_m2 = area_m2;
+    sighting.mean_gray = patch.mean_gray;
+    made = make_plane(sighting);
+  }
+  if (made == nullptr) {
+    ++counts_.quads_left_out;
+    return;
+  }
+  ++counts_.quads_kept;
+  place_patch(view, *made, patch);
 }
 
 // Every cell in view is looked at through the frame's patches: surface there, or seen through?
@@ -127,39 +155,46 @@ void PlaneMap::look(const View& view, Deadline deadline) noexcept {
   }
 }
 
+// What the keyframe saw along a ray through a pixel inside its image; 0 = nothing.
+double PlaneMap::seen_depth_m(const View& view, const Eigen::Vector3d& ray, double u_px,
+                              double v_px) const noexcept {
+  if (view.depth.step_px > 0) return view.depth.at(u_px, v_px);
+  const std::int16_t seen =
+      labels_[static_cast<int>(v_px) / View::kBlock_px * view.blocks_across() +
+              static_cast<int>(u_px) / View::kBlock_px];
+  if (seen < 0) return 0.0;
+  const double inverse_depth = view.set.patches[seen].theta.dot(ray);
+  return inverse_depth < kMinInverseDepth ? 0.0 : 1.0 / inverse_depth;
+}
+
+// Each cell is looked at in its four quarters, eq. 6; also those that no patch has covered yet:
+// what went through them before counts when one does.
 void PlaneMap::look_at_tile(const View& view, const FusedPlane& plane, Tile& tile) const noexcept {
   const CameraModel& camera = view.set.camera;
   const Plane local = view.T_camera_maplet * plane.plane;
-  const Eigen::Vector3d u = view.T_camera_maplet.q * plane.anchor.u * config_.cell_m;
-  const Eigen::Vector3d v = view.T_camera_maplet.q * plane.anchor.v * config_.cell_m;
+  const Eigen::Vector3d u = view.T_camera_maplet.q * plane.anchor.u * (0.5 * config_.cell_m);
+  const Eigen::Vector3d v = view.T_camera_maplet.q * plane.anchor.v * (0.5 * config_.cell_m);
   const Eigen::Vector3d corner =
       view.T_camera_maplet * plane.anchor.point(tile.column * Tile::kSide * config_.cell_m,
-                                                tile.row * Tile::kSide * config_.cell_m);
-  const int across = view.blocks_across();
-  // A cell is looked at in one of its quarters, another one each time.
-  for (std::uint64_t rest = tile.touched; rest != 0; rest &= rest - 1) {
-    const int cell = std::countr_zero(rest);
-    const int column = cell % Tile::kSide;
-    const int row = cell / Tile::kSide;
-    const int part = static_cast<int>(keyframe_ + 2 * (column & 1) + (row & 1)) & 3;
-    const Eigen::Vector3d p =
-        corner + (column + 0.25 + 0.5 * (part & 1)) * u + (row + 0.25 + 0.5 * (part >> 1)) * v;
-    if (p.z() < 0.2) continue;
-    const Eigen::Vector3d ray = p / p.z();
-    const double x = camera.fx_px * ray.x() + camera.cx_px + 0.5;
-    const double y = camera.fy_px * ray.y() + camera.cy_px + 0.5;
-    if (!(x >= 0.0 && y >= 0.0 && x < camera.width_px && y < camera.height_px)) continue;
-    const std::int16_t seen = labels_[static_cast<int>(y) / View::kBlock_px * across +
-                                      static_cast<int>(x) / View::kBlock_px];
-    if (seen < 0) continue;
-    const double inverse_depth = view.set.patches[seen].theta.dot(ray);
-    if (inverse_depth < kMinInverseDepth) continue;
-    const double off = local.n.dot(ray) / inverse_depth + local.d;
-    const double slack = slack_m(config_.fit_m, p.z());
-    if (off < -slack) {
-      tile.vote(cell, false);
-    } else if (off <= slack) {
-      tile.vote(cell, true);
+                                                tile.row * Tile::kSide * config_.cell_m) +
+      0.5 * (u + v);
+  for (int cell = 0; cell < Tile::kSide * Tile::kSide; ++cell) {
+    const Eigen::Vector3d first =
+        corner + 2.0 * (cell % Tile::kSide) * u + 2.0 * (cell / Tile::kSide) * v;
+    for (int part = 0; part < 4; ++part) {
+      const Eigen::Vector3d p = first + (part & 1) * u + (part >> 1) * v;
+      if (p.z() < 0.2) continue;
+      const Eigen::Vector3d ray = p / p.z();
+      const double x = camera.fx_px * ray.x() + camera.cx_px + 0.5;
+      const double y = camera.fy_px * ray.y() + camera.cy_px + 0.5;
+      if (!(x >= 0.0 && y >= 0.0 && x < camera.width_px && y < camera.height_px)) continue;
+      const double z = seen_depth_m(view, ray, x, y);
+      if (z <= 0.0) continue;
+      if (z - p.z() > behind_m(config_.fit_m, p.z())) {
+        tile.vote(cell, false);
+      } else if (std::abs(local.n.dot(ray) * z + local.d) <= slack_m(config_.fit_m, p.z())) {
+        tile.vote(cell, true);
+      }
     }
   }
 }

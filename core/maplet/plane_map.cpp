@@ -33,13 +33,16 @@ void PlaneMap::clear() noexcept {
   planes_.count = 0;
   serial_ = 0;
   keyframe_ = 0;
+  points_ = {};
 }
 
-void PlaneMap::add(const PatchSet& set, const Se3& T_maplet_camera, const Matrix6d& covariance,
-                   Deadline deadline) noexcept {
+void PlaneMap::add(const PatchSet& set, const DepthThumb& depth, const Se3& T_maplet_camera,
+                   const Matrix6d& covariance, Deadline deadline) noexcept {
   ++keyframe_;
+  points_.seen += set.valid_pixels;
   label(set);
-  const View view{set, T_maplet_camera, T_maplet_camera.inverse(), covariance, order_, first_of_};
+  const View view{set,    T_maplet_camera, T_maplet_camera.inverse(), covariance, depth,
+                  order_, first_of_};
   for (std::size_t f = 0; f < set.planes.size(); ++f) {
     if (view.patches_of(f).empty()) continue;
     const PlaneSighting sighting = sight(view, f);
@@ -104,20 +107,27 @@ PlaneSighting PlaneMap::sight(const View& view, std::size_t f) const noexcept {
     weight += p.pixels;
   }
   centre /= std::max(weight, 1.0);
-  centre -= plane.distance(centre) * plane.n;
+  PlaneSighting out = sight(view, plane, seen.information, centre);
+  out.area_m2 = seen.area_m2;
+  out.mean_gray = seen.mean_gray;
+  return out;
+}
+
+PlaneSighting PlaneMap::sight(const View& view, const Plane& plane,
+                              const Eigen::Matrix3d& information,
+                              const Eigen::Vector3d& centre) const noexcept {
   const PlaneBasis basis{plane, PlaneBasis::best_axis(plane.n)};
-  const PlaneTangent tangent{basis.u, basis.v, plane.n, centre};
+  const Eigen::Vector3d on_plane = centre - plane.distance(centre) * plane.n;
+  const PlaneTangent tangent{basis.u, basis.v, plane.n, on_plane};
   const Eigen::Matrix3d by_theta = tangent.jacobian_of_theta(plane);
 
   PlaneSighting out;
   out.by_pose = tangent.jacobian_of_motion();
-  out.sensor = by_theta * seen.information.inverse() * by_theta.transpose();
+  out.sensor = by_theta * information.inverse() * by_theta.transpose();
   out.plane = view.T_maplet_camera * plane;
   out.tangent = tangent.moved(view.T_maplet_camera);
   out.covariance = out.sensor + out.by_pose * view.covariance * out.by_pose.transpose();  // eq. 3
   out.covariance.diagonal().array() += 1e-10;
-  out.area_m2 = seen.area_m2;
-  out.mean_gray = seen.mean_gray;
   return out;
 }
 
@@ -211,6 +221,7 @@ void PlaneMap::absorb(FusedPlane& keep, FusedPlane& gone) noexcept {
   keep.fuse(sum, last);
   keep.observations = observations;
   keep.last_keyframe = last;
+  keep.points += gone.points;
   for (std::int32_t t = gone.first_tile; t >= 0; t = cells_.tile(t).next) {
     for (int cell = 0; cell < Tile::kSide * Tile::kSide; ++cell) {
       const Tile& from = cells_.tile(t);
@@ -235,6 +246,27 @@ void PlaneMap::absorb(FusedPlane& keep, FusedPlane& gone) noexcept {
           static_cast<std::uint8_t>(std::min(255, to->frees[into] + from.frees[cell]));
     }
   }
+}
+
+bool PlaneMap::open(const Eigen::Vector3d& from, const Eigen::Vector3d& to) noexcept {
+  for (const FusedPlane& plane : planes_.span()) {
+    const double before = plane.plane.distance(from);
+    const double after = plane.plane.distance(to);
+    if (before * after >= 0.0) continue;
+    const Eigen::Vector2d at =
+        plane.anchor.coordinates(from + before / (before - after) * (to - from)) / config_.cell_m;
+    if (!(at.cwiseAbs().maxCoeff() < 30000.0)) continue;
+    for (const double dy : {-0.5, 0.5}) {
+      for (const double dx : {-0.5, 0.5}) {
+        const int column = static_cast<int>(std::floor(at.x() + dx));
+        const int row = static_cast<int>(std::floor(at.y() + dy));
+        const Tile* tile = cells_.find(plane.serial, column, row);
+        const int cell = CellMap::index_in_tile(column, row);
+        if (tile != nullptr && tile->occupied(cell, config_.max_free_share)) return false;
+      }
+    }
+  }
+  return true;
 }
 
 std::size_t PlaneMap::estimated_bytes() const noexcept {

@@ -9,6 +9,7 @@
 #include "core/base/static_vector.hpp"
 #include "core/maplet/cell_map.hpp"
 #include "core/maplet/config.hpp"
+#include "core/maplet/depth_thumb.hpp"
 #include "core/maplet/fused_plane.hpp"
 #include "core/maplet/maplet.hpp"
 #include "core/patches/patch.hpp"
@@ -24,6 +25,15 @@ struct MapletCounts {
   std::uint64_t tiles_missing = 0;    ///< no room for more extent
   std::uint64_t deadline_misses = 0;  ///< free space not looked at in time
   std::uint64_t planes_trimmed = 0;   ///< left out to keep maplet.max_bytes
+  std::uint64_t quads_kept = 0;       ///< loose patches that are worth a plane of their own
+  std::uint64_t quads_left_out = 0;
+  std::uint64_t hidden_origins = 0;  ///< a surface is between them and the origin before
+};
+
+/// Depth pixels of a maplet's keyframes, and how many of them its planes stand for.
+struct PointShare {
+  std::uint64_t seen = 0;
+  std::uint64_t kept = 0;
 };
 
 /// The planes of the maplet under construction and what keyframes saw of them.
@@ -45,13 +55,22 @@ class PlaneMap {
   [[nodiscard]] Se3 refine(const PatchSet& set, const Se3& T, const Matrix6d& covariance) noexcept;
 
   /// Fuses a keyframe's planes and patches.
+  /// @param depth  what the keyframe saw; where there is none its patches stand for it
   /// @param covariance  of T_maplet_camera, tangent of camera
-  void add(const PatchSet& set, const Se3& T_maplet_camera, const Matrix6d& covariance,
-           Deadline deadline) noexcept;
+  void add(const PatchSet& set, const DepthThumb& depth, const Se3& T_maplet_camera,
+           const Matrix6d& covariance, Deadline deadline) noexcept;
 
   /// Writes the planes into `out`, the most informative first.
   /// @param limit  planes at most
   void assemble(Maplet& out, std::size_t limit) noexcept;
+
+  /// Of what the last assemble wrote.
+  [[nodiscard]] const PointShare& points() const noexcept { return points_; }
+
+  /// Whether no surface is between two points of the maplet's frame, or closer to the line than
+  /// half a cell.
+  /// Time   O(planes)
+  [[nodiscard]] bool open(const Eigen::Vector3d& from, const Eigen::Vector3d& to) noexcept;
 
   /// What assemble would about encode to.
   [[nodiscard]] std::size_t estimated_bytes() const noexcept;
@@ -71,6 +90,9 @@ class PlaneMap {
 
   void label(const PatchSet& set) noexcept;
   [[nodiscard]] PlaneSighting sight(const View& view, std::size_t frame_plane) const noexcept;
+  [[nodiscard]] PlaneSighting sight(const View& view, const Plane& plane,
+                                    const Eigen::Matrix3d& information,
+                                    const Eigen::Vector3d& centre) const noexcept;
   [[nodiscard]] FusedPlane* associate(const View& view, const PlaneSighting& sighting,
                                       std::size_t frame_plane) noexcept;
   [[nodiscard]] bool touches(const View& view, const FusedPlane& plane,
@@ -79,14 +101,19 @@ class PlaneMap {
   [[nodiscard]] FusedPlane* make_plane(const PlaneSighting& sighting) noexcept;
   void place_patch(const View& view, FusedPlane& plane, const Patch& patch) noexcept;
   void place_loose(const View& view) noexcept;
+  void place_quad(const View& view, const Patch& patch) noexcept;
   void merge_alike() noexcept;
   void absorb(FusedPlane& keep, FusedPlane& gone) noexcept;
   void look(const View& view, Deadline deadline) noexcept;
   template <class F>
   void for_occupied(const FusedPlane& plane, F f) const noexcept;
+  [[nodiscard]] bool surface_in(const FusedPlane& from, const PlaneBasis& basis,
+                                const CellGrid& grid, int column, int row) const noexcept;
   [[nodiscard]] bool lay_grid(const FusedPlane& from, Maplet& out,
                               MapletPlane& plane) const noexcept;
   void look_at_tile(const View& view, const FusedPlane& plane, Tile& tile) const noexcept;
+  [[nodiscard]] double seen_depth_m(const View& view, const Eigen::Vector3d& ray, double u_px,
+                                    double v_px) const noexcept;
 
   MapletConfig config_;
   CellMap cells_;
@@ -98,6 +125,7 @@ class PlaneMap {
   std::uint32_t serial_ = 0;
   std::uint32_t keyframe_ = 0;
   MapletCounts counts_;
+  PointShare points_;
 };
 
 }  // namespace maplet

@@ -18,11 +18,18 @@ constexpr double kEnough = 3.0;  // planes, below it the odometry stands
 constexpr double kMost_m = 0.1;  // a larger correction is a wrong association
 constexpr double kMost_rad = 0.08;
 
+const DepthThumb kNoDepth{};
+
+// An odometry without any doubt has no inverse covariance, and nothing to refine.
+bool trusts_odometry(const MapletConfig& c) noexcept {
+  return c.odometry_scale == 0.0 && (c.odometry_floor_m == 0.0 || c.odometry_floor_rad == 0.0);
+}
+
 }  // namespace
 
 Se3 PlaneMap::refine(const PatchSet& set, const Se3& T_odometry,
                      const Matrix6d& covariance) noexcept {
-  if (planes_.count == 0 || set.planes.empty()) return T_odometry;
+  if (planes_.count == 0 || set.planes.empty() || trusts_odometry(config_)) return T_odometry;
   label(set);
   const double scale = config_.odometry_scale * config_.odometry_scale;
   Matrix6d step = scale * covariance;
@@ -33,7 +40,7 @@ Se3 PlaneMap::refine(const PatchSet& set, const Se3& T_odometry,
   const Matrix6d prior = step.inverse();
   Se3 T = T_odometry;
   for (int round = 0; round < kRounds; ++round) {
-    const View view{set, T, T.inverse(), step, order_, first_of_};
+    const View view{set, T, T.inverse(), step, kNoDepth, order_, first_of_};
     Matrix6d normal = prior;
     Vector6d right = -prior * (T_odometry.inverse() * T).log();
     double count = 0.0;

@@ -14,6 +14,7 @@ struct PlaneMap::View {
   const Se3 T_maplet_camera;
   const Se3 T_camera_maplet;
   const Matrix6d& covariance;
+  const DepthThumb& depth;  ///< or none: patches say what was seen
   std::span<const std::uint16_t> order;
   std::span<const std::uint16_t> first_of;
 

@@ -9,6 +9,7 @@ namespace {
 
 constexpr std::uint32_t kNeighbours = 3;  // ids apart: nearer ones share keyframes or views
 constexpr double kMetresPerRadian = 1.5;  // a turned view shares as little as a distant one
+constexpr double kFrontier_m = 0.5;       // so much nearer a maplet counts at whose border one is
 constexpr double kDrift_m = 0.04;         // a maplet, of what the skeleton's guess may be off
 constexpr double kDrift_rad = 0.01;
 
@@ -29,6 +30,8 @@ ClosureFinder::Candidates ClosureFinder::nearest(const Maplet& newest,
     const double distance_m = c.T_a_b.se3.t.norm();
     if (distance_m > config_.search_m) continue;
     c.cost = distance_m + kMetresPerRadian * c.T_a_b.se3.angle();
+    const RegionOfInterest* frontier = prior.frontier(i);
+    if (frontier != nullptr && frontier->contains(c.T_a_b.se3.t)) c.cost -= kFrontier_m;
     if (full(best)) {
       if (best.back().cost <= c.cost) continue;
       best.pop_back();
@@ -50,6 +53,7 @@ ClosureFinder::Closures ClosureFinder::run(const Maplet& newest, PlacePrior& pri
     const Maplet* older = prior.load(c.index);
     if (older == nullptr) continue;
     ++counts_.tried;
+    verifier_->look_first_at(prior.frontier(c.index));
     const double apart = newest.key.id - older->key.id;
     const Closure found = verifier_->verify(
         *older, newest, c.T_a_b, std::min(config_.gate_m, config_.link_gate_m + kDrift_m * apart),
@@ -60,17 +64,7 @@ ClosureFinder::Closures ClosureFinder::run(const Maplet& newest, PlacePrior& pri
       continue;
     }
     ++counts_.accepted;
-    DeltaPose d;
-    d.kind = DeltaPose::Kind::kClosure;
-    d.a = older->key;
-    d.b = newest.key;
-    d.stamp_a = older->stamp;
-    d.stamp_b = newest.stamp;
-    d.T_a_b = found.alignment.T_a_b;
-    d.covariance = found.alignment.covariance;
-    d.overlap = static_cast<float>(found.alignment.overlap);
-    d.matches = found.alignment.matches;
-    out.push_back(d);
+    out.push_back(closure_of(older->key, older->stamp, newest.key, newest.stamp, found.alignment));
   }
   return out;
 }

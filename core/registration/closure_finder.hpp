@@ -21,6 +21,8 @@ struct ClosureCounts {
 };
 
 /// Looks for places seen again: older maplets that the skeleton puts near the newest one, verified.
+/// Those come first beyond whose borders the newest one is, and what is looked at is the region
+/// around these borders (paper: section III-B).
 ///
 /// Memory   a Verifier in the arena
 /// Time     at most kTries verifications; stops between them at the deadline
@@ -34,6 +36,9 @@ class ClosureFinder {
 
   /// @return accepted closures from older maplets (a) to the newest (b)
   [[nodiscard]] Closures run(const Maplet& newest, PlacePrior& prior, Deadline deadline) noexcept;
+
+  /// The camera moves in a plane only.
+  void hold_to(const PlanarMotion& planar) noexcept { verifier_->hold_to(planar); }
 
   [[nodiscard]] const ClosureCounts& counts() const noexcept { return counts_; }
 

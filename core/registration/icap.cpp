@@ -14,6 +14,7 @@ namespace {
 
 constexpr double kNu = 5.0;
 constexpr double kPriorDof = 4.0;
+constexpr double kCommonShare = 0.1;  // of the planes' variances that they have in common
 constexpr double kConverged_m = 2e-4;
 constexpr double kConverged_rad = 1e-4;
 constexpr double kVotesGate_m = 0.2;  // wider ones begin with votes
@@ -21,6 +22,8 @@ constexpr double kVotesGate_rad = 0.15;
 constexpr float kLeastScore = 0.05F;
 constexpr float kNearlyAsGood = 0.7F;  // of the best votes: worth a look at the extents
 constexpr std::size_t kStarts = 3;
+constexpr double kSamePairs_m = 5e-3;
+constexpr double kSamePairs_rad = 3e-3;
 constexpr double kGateShrink = 0.6;
 constexpr double kLeastGate_m = 0.08;
 constexpr double kLeastGate_rad = 0.08;
@@ -28,6 +31,11 @@ constexpr double kLeastGate_rad = 0.08;
 // eq. 5: where b's plane lies about a's, under T.
 Eigen::Vector3d residual(const PlanePair& pair, const Se3& T) noexcept {
   return pair.tangent.of(T * pair.b->plane->plane);
+}
+
+// Whether pairs that were found at x are those that would be found at y.
+bool close(const Se3& x, const Se3& y) noexcept {
+  return (x.t - y.t).norm() < kSamePairs_m && x.q.angularDistance(y.q) < kSamePairs_rad;
 }
 
 // eq. 6: its derivative by xi in T exp(xi).
@@ -43,6 +51,40 @@ Eigen::Matrix<double, 3, 6> jacobian(const PlanePair& pair, const Se3& T) noexce
 }
 
 double robust_weight(double chi2) noexcept { return std::min(1.0, (kNu + 3.0) / (kNu + chi2)); }
+
+// What the planes of one maplet are off by together, because they share its path: no number of
+// them averages it away. eq. 11b
+struct Common {
+  double m2 = 0.0;
+  double rad2 = 0.0;
+};
+
+Common common_of(std::span<const PlanePair> pairs) noexcept {
+  Common out;
+  double total = 0.0;
+  for (const PlanePair& pair : pairs) {
+    const double w = std::sqrt(pair.area_m2);
+    const Eigen::Matrix3d sum = pair.a->plane->covariance + pair.b->plane->covariance;
+    out.m2 += w * sum(2, 2);
+    out.rad2 += w * 0.5 * (sum(0, 0) + sum(1, 1));
+    total += w;
+  }
+  const double share = kCommonShare / std::max(1e-9, total);
+  return {share * out.m2, share * out.rad2};
+}
+
+// Adds an error that is the same in all directions about the pairs' middle, b's frame; what is free
+// stays so.
+void add_common(const Common& common, const Eigen::Vector3d& pivot, MapletAlignment& out) noexcept {
+  Matrix6d spread = Matrix6d::Zero();
+  spread.topLeftCorner<3, 3>().diagonal().setConstant(common.m2);
+  spread.bottomRightCorner<3, 3>().diagonal().setConstant(common.rad2);
+  const Matrix6d to_b = Se3{Eigen::Quaterniond::Identity(), pivot}.adjoint();
+  const Matrix6d at_b = to_b * spread * to_b.transpose();
+  out.covariance += at_b;
+  const Matrix6d sum = at_b.inverse() + out.information;
+  out.information -= out.information * sum.inverse() * out.information;
+}
 
 struct Sums {
   Matrix6d information = Matrix6d::Zero();
@@ -78,7 +120,30 @@ Sums accumulate(std::span<const PlanePair> pairs, const Se3& T) noexcept {
   return sums;
 }
 
+// What is out of the plane of motion is known, eq. 22.
+void restrict_to(const PlanarMotion& planar, Sums& sums) noexcept {
+  const Matrix6d inside = planar.basis() * planar.basis().transpose();
+  sums.information = planar.restrict_information(sums.information);
+  sums.spurious = inside * sums.spurious * inside;
+  sums.gradient = inside * sums.gradient;
+}
+
 }  // namespace
+
+DeltaPose closure_of(const MapletKey& a, Stamp stamp_a, const MapletKey& b, Stamp stamp_b,
+                     const MapletAlignment& alignment) noexcept {
+  DeltaPose out;
+  out.kind = DeltaPose::Kind::kClosure;
+  out.a = a;
+  out.b = b;
+  out.stamp_a = stamp_a;
+  out.stamp_b = stamp_b;
+  out.T_a_b = alignment.T_a_b;
+  out.covariance = alignment.covariance;
+  out.overlap = static_cast<float>(alignment.overlap);
+  out.matches = alignment.matches;
+  return out;
+}
 
 Expected<MapletAlignment> Icap::align(const Maplet& a, const Maplet& b,
                                       const Transform<MapletA, MapletB>& guess, double gate_m,
@@ -87,28 +152,37 @@ Expected<MapletAlignment> Icap::align(const Maplet& a, const Maplet& b,
   if (a.planes.empty() || b.planes.empty()) {
     return fail(ErrorCode::kNoOverlap, "a maplet without planes");
   }
+  if (!guess.se3.t.allFinite() || !guess.se3.q.coeffs().allFinite()) {
+    return fail(ErrorCode::kBadInput, "the guess is not finite");
+  }
   pairs_.prepare(a, b, region_, guess.se3);
   Se3 T = guess.se3;
   if ((gate_m > kVotesGate_m || gate_rad > kVotesGate_rad) && start(a, b, T, gate_m, gate_rad)) {
     gate_m = std::min(gate_m, kVotesGate_m);
     gate_rad = std::min(gate_rad, kVotesGate_rad);
   }
-  bool settled = false;
+  if (planar_) T = planar_->project(T);
+  const Se3 held = T;  // where the pairs leave an axis free
   bool matched = false;
+  Se3 T_matched;  // that the present pairs were found at
+  bool matched_narrow = false;
   for (out.stop = Stop::kIterationLimit; static_cast<int>(out.iterations) < config_.max_iterations;
        ++out.iterations) {
     if (deadline.expired()) {
       out.stop = Stop::kDeadline;
       break;
     }
-    pairs_.match(T, gate_m, gate_rad, config_);
-    matched = true;
-    if (static_cast<int>(pairs_.pairs().size()) < config_.min_matches) {
-      return fail(ErrorCode::kNoOverlap, "too few planes in common");
-    }
     const bool narrow = gate_m <= kLeastGate_m && gate_rad <= kLeastGate_rad;
-    settled = improve(T, guess.se3, !narrow);
-    if (settled && narrow) {
+    if (!matched_narrow || !close(T_matched, T)) {
+      pairs_.match(T, gate_m, gate_rad, config_);
+      matched = true;
+      matched_narrow = narrow;
+      T_matched = T;
+      if (static_cast<int>(pairs_.pairs().size()) < config_.min_matches) {
+        return fail(ErrorCode::kNoOverlap, "too few planes in common");
+      }
+    }
+    if (improve(T, planar_ ? held : guess.se3, !narrow) && narrow) {
       out.stop = Stop::kConverged;
       ++out.iterations;
       break;
@@ -132,8 +206,9 @@ bool Icap::start(const Maplet& a, const Maplet& b, Se3& T, double gate_m,
   const auto found = compare_.guess_near(place_a_, place_b_, T, gate_m, gate_rad);
   if (found.empty() || found.front().score < kLeastScore) return false;
   Se3 best = found.front().T_a_b;
+  const bool clear = found.size() == 1 || found[1].score < kNearlyAsGood * found.front().score;
   double most = -1.0;
-  for (std::size_t i = 0; i < std::min(found.size(), kStarts); ++i) {
+  for (std::size_t i = 0; !clear && i < std::min(found.size(), kStarts); ++i) {
     if (found[i].score < kNearlyAsGood * found.front().score) break;
     pairs_.match(found[i].T_a_b, kVotesGate_m, kVotesGate_rad, config_);
     const double worth = pairs_.worth();
@@ -145,55 +220,61 @@ bool Icap::start(const Maplet& a, const Maplet& b, Se3& T, double gate_m,
   return true;
 }
 
+// eq. 7, 8 (paper: eq. 4-8). What the pairs leave free stays at the guess.
+void Icap::solve_closed_form(Se3& T, const Se3& guess) const noexcept {
+  constexpr double kHold = 1e-3;
+  const auto pairs = pairs_.pairs();
+  double total = 0.0;
+  Eigen::Matrix3d h = Eigen::Matrix3d::Zero();
+  for (const PlanePair& pair : pairs) {
+    const Eigen::Vector3d r = residual(pair, T);
+    const double w = pair.area_m2 * robust_weight(r.dot(pair.weight * r) / 25.0);
+    h += w * pair.a->plane->plane.n * pair.b->plane->plane.n.transpose();
+    total += w;
+  }
+  h += kHold * total * guess.rotation();
+  const Eigen::JacobiSVD<Eigen::Matrix3d, Eigen::NoQRPreconditioner> svd{
+      h, Eigen::ComputeFullU | Eigen::ComputeFullV};
+  Eigen::Matrix3d fix = Eigen::Matrix3d::Identity();
+  fix(2, 2) = (svd.matrixU() * svd.matrixV().transpose()).determinant();
+  T.q = Eigen::Quaterniond{svd.matrixU() * fix * svd.matrixV().transpose()};
+
+  Eigen::Matrix3d normal = kHold * total * Eigen::Matrix3d::Identity();
+  Eigen::Vector3d right = kHold * total * guess.t;
+  for (const PlanePair& pair : pairs) {
+    const Eigen::Vector3d r = residual(pair, T);
+    const double w = pair.area_m2 * robust_weight(r[2] * r[2] * pair.weight(2, 2) / 25.0);
+    const Eigen::Vector3d n = T.q * pair.b->plane->plane.n;
+    // About the middle of what both saw: the planes' d amplify errors of direction.
+    const double offset = n.dot(pair.tangent.centre) + pair.b->plane->plane.d;
+    normal += w * n * n.transpose();
+    right += w * offset * n;
+  }
+  T.t = normal.inverse() * right;
+}
+
 // One round under the present pairs. @return whether T hardly moved
 bool Icap::improve(Se3& T, const Se3& guess, bool closed_form) noexcept {
-  const auto pairs = pairs_.pairs();
   const Se3 before = T;
-  if (closed_form) {
-    // eq. 7, 8 (paper: eq. 4-8). What the pairs leave free stays at the guess.
-    constexpr double kHold = 1e-3;
-    double total = 0.0;
-    Eigen::Matrix3d h = Eigen::Matrix3d::Zero();
-    for (const PlanePair& pair : pairs) {
-      const Eigen::Vector3d r = residual(pair, T);
-      const double w = pair.area_m2 * robust_weight(r.dot(pair.weight * r) / 25.0);
-      h += w * pair.a->plane->plane.n * pair.b->plane->plane.n.transpose();
-      total += w;
-    }
-    h += kHold * total * guess.rotation();
-    const Eigen::JacobiSVD<Eigen::Matrix3d, Eigen::NoQRPreconditioner> svd{
-        h, Eigen::ComputeFullU | Eigen::ComputeFullV};
-    Eigen::Matrix3d fix = Eigen::Matrix3d::Identity();
-    fix(2, 2) = (svd.matrixU() * svd.matrixV().transpose()).determinant();
-    T.q = Eigen::Quaterniond{svd.matrixU() * fix * svd.matrixV().transpose()};
-
-    Eigen::Matrix3d normal = kHold * total * Eigen::Matrix3d::Identity();
-    Eigen::Vector3d right = kHold * total * guess.t;
-    for (const PlanePair& pair : pairs) {
-      const Eigen::Vector3d r = residual(pair, T);
-      const double w = pair.area_m2 * robust_weight(r[2] * r[2] * pair.weight(2, 2) / 25.0);
-      const Eigen::Vector3d n = T.q * pair.b->plane->plane.n;
-      // About the middle of what both saw: the planes' d amplify errors of direction.
-      const double offset = n.dot(pair.tangent.centre) + pair.b->plane->plane.d;
-      normal += w * n * n.transpose();
-      right += w * offset * n;
-    }
-    T.t = normal.inverse() * right;
-  }
-  const Sums sums = accumulate(pairs, T);
+  if (closed_form) solve_closed_form(T, guess);
+  if (planar_) T = planar_->project(T);
+  Sums sums = accumulate(pairs_.pairs(), T);
+  if (planar_) restrict_to(*planar_, sums);
   const Observability seen =
       Observability::of(sums.information, sums.spurious, sums.pivot, config_.free_sigma_m);
   T = T * Se3::exp(-seen.step_inverse * sums.gradient);
+  if (planar_) T = planar_->project(T);
   const Vector6d moved = (before.inverse() * T).log();
   return moved.head<3>().norm() < kConverged_m && moved.tail<3>().norm() < kConverged_rad;
 }
 
 void Icap::conclude(const Maplet&, const Maplet&, const Se3& T, MapletAlignment& out) noexcept {
   const auto pairs = pairs_.pairs();
-  const Sums sums = accumulate(pairs, T);
+  Sums sums = accumulate(pairs, T);
+  if (planar_) restrict_to(*planar_, sums);
   const Observability seen =
       Observability::of(sums.information, sums.spurious, sums.pivot, config_.free_sigma_m);
-  const double known = 6.0 - static_cast<double>(seen.free_axes.size());
+  const double known = (planar_ ? 3.0 : 6.0) - static_cast<double>(seen.free_axes.size());
   const double count = static_cast<double>(pairs.size());
   out.T_a_b = Transform<MapletA, MapletB>{T};
   const double dof = std::max(1.0, 3.0 * count - known);
@@ -202,6 +283,8 @@ void Icap::conclude(const Maplet&, const Maplet&, const Se3& T, MapletAlignment&
   const double scale = (kPriorDof + sums.chi2) / (kPriorDof + dof);
   out.information = seen.information / scale;
   out.covariance = seen.covariance * scale;
+  add_common(common_of(pairs), sums.pivot, out);
+  if (planar_) out.covariance = planar_->restrict_covariance(out.covariance);
   out.free_axes = seen.free_axes;
   out.matches = static_cast<std::uint16_t>(pairs.size());
   out.rms_m = std::sqrt(sums.squares_m2 / std::max(1.0, count));

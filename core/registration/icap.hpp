@@ -2,10 +2,12 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 
 #include "core/base/deadline.hpp"
 #include "core/base/expected.hpp"
 #include "core/base/static_vector.hpp"
+#include "core/geometry/planar_motion.hpp"
 #include "core/registration/config.hpp"
 #include "core/registration/delta_pose.hpp"
 #include "core/registration/fixed_list.hpp"
@@ -30,6 +32,10 @@ struct MapletAlignment {
   Stop stop = Stop::kConverged;
 };
 
+/// A closure between two maplets, as aligned.
+[[nodiscard]] DeltaPose closure_of(const MapletKey& a, Stamp stamp_a, const MapletKey& b,
+                                   Stamp stamp_b, const MapletAlignment& alignment) noexcept;
+
 /// Aligns the planes of two maplets: Iterative Closest Algebraic Plane.
 ///
 /// Memory   fixed, inside the object (~300 KB): no heap.
@@ -42,7 +48,9 @@ class Icap {
 
   /// @param guess  T_a_b within gate_m, gate_rad of the truth
   /// @return T_a_b with its covariance and the axes the planes leave free, or
-  ///   kNoOverlap  fewer than config.min_matches pairs
+  ///   kNoOverlap  fewer than config.min_matches pairs; planes that are not finite, or further away
+  ///   than a maplet can be written with, are none
+  ///   kBadInput   the guess is not finite
   [[nodiscard]] Expected<MapletAlignment> align(const Maplet& a, const Maplet& b,
                                                 const Transform<MapletA, MapletB>& guess,
                                                 Deadline deadline) noexcept {
@@ -57,6 +65,9 @@ class Icap {
   /// @param region  of a's frame, kept; nullptr: all planes
   void look_at(const RegionOfInterest* region) noexcept { region_ = region; }
 
+  /// Both cameras move in one plane only, up being the same in both: three unknowns are left.
+  void hold_to(const PlanarMotion& planar) noexcept { planar_ = planar; }
+
   /// The pairs of the last align.
   [[nodiscard]] std::span<const PlanePair> pairs() const noexcept { return pairs_.pairs(); }
 
@@ -64,10 +75,12 @@ class Icap {
   [[nodiscard]] bool start(const Maplet& a, const Maplet& b, Se3& T, double gate_m,
                            double gate_rad) noexcept;
   [[nodiscard]] bool improve(Se3& T, const Se3& guess, bool closed_form) noexcept;
+  void solve_closed_form(Se3& T, const Se3& guess) const noexcept;
   void conclude(const Maplet& a, const Maplet& b, const Se3& T, MapletAlignment& out) noexcept;
 
   RegistrationConfig config_;
   const RegionOfInterest* region_ = nullptr;
+  std::optional<PlanarMotion> planar_;
   PlanePairs pairs_;
   PlaceDescriptor place_a_;
   PlaceDescriptor place_b_;

@@ -14,10 +14,7 @@ constexpr float kSameAngle = 0.1F;      // between two axes' cosines in a and in
 constexpr float kAlongCosine = 0.98F;   // an axis of b on one of a
 constexpr float kUpCosine = 0.95F;      // where gravity is known on both sides
 constexpr float kSameTurnTrace = 2.9F;  // of R1^T R2: less than 18 deg
-constexpr float kPlaneCosine = 0.966F;  // planes that may coincide
-constexpr float kPlaneGate_m = 0.12F;
-constexpr float kSame_m = 0.25F;    // guesses closer than that are one
-constexpr float kNearShare = 0.7F;  // the same, near a guess
+constexpr float kNearShare = 0.7F;      // the same, near a guess
 constexpr std::size_t kTurnsTried = 8;
 constexpr float kTurnsShare = 0.7F;    // of the best turn's votes
 constexpr float kShiftsShare = 0.75F;  // of the best shifts' votes
@@ -36,20 +33,6 @@ bool spans_more(const Rows& rows, const Eigen::Vector3f& direction) noexcept {
   if (rows.empty()) return true;
   if (rows.size() == 1) return rows[0].cross(direction).norm() > 0.5F;
   return std::abs(rows[0].cross(rows[1]).normalized().dot(direction)) > 0.5F;
-}
-
-// Share of the smaller rectangle that lies on the larger one: by its corners and centre.
-float shared(const PlacePlane& a, const Eigen::Vector3f& centre, const Eigen::Vector3f& u,
-             const Eigen::Vector3f& v, float half_u, float half_v) noexcept {
-  const Eigen::Vector3f v_a = a.n.cross(a.u);
-  int on = 0;
-  for (const float s : {-0.6F, 0.0F, 0.6F}) {
-    for (const float t : {-0.6F, 0.0F, 0.6F}) {
-      const Eigen::Vector3f p = centre + s * half_u * u + t * half_v * v - a.centre;
-      on += std::abs(p.dot(a.u)) <= a.half_u_m + 0.1F && std::abs(p.dot(v_a)) <= a.half_v_m + 0.1F;
-    }
-  }
-  return static_cast<float>(on) / 9.0F;
 }
 
 }  // namespace
@@ -168,54 +151,6 @@ float PlaceCompare::rank(const PlaceDescriptor& a, const PlaceDescriptor& b) noe
                         : turns_.front().score / std::max(1e-6F, std::min(a.weight, b.weight));
 }
 
-// Planes that coincide, by where their rectangles are.
-float PlaceCompare::score(const Eigen::Matrix3f& R, const Eigen::Vector3f& t) const noexcept {
-  float sum = 0.0F;
-  for (const PlacePlane& pb : b_->planes) {
-    const Eigen::Vector3f n = R * pb.n;
-    const Eigen::Vector3f centre = R * pb.centre + t;
-    const Eigen::Vector3f u = R * pb.u;
-    float best = 0.0F;
-    for (const PlacePlane& pa : a_->planes) {
-      const float least = std::min(pa.weight, pb.weight);
-      if (least <= best || pa.n.dot(n) < kPlaneCosine) continue;
-      const float off = std::abs(pa.distance(centre));
-      if (off > kPlaneGate_m) continue;
-      const bool b_smaller = pb.half_u_m * pb.half_v_m <= pa.half_u_m * pa.half_v_m;
-      const float share = b_smaller
-                              ? shared(pa, centre, u, n.cross(u), pb.half_u_m, pb.half_v_m)
-                              : shared({n, u, centre, pb.half_u_m, pb.half_v_m, 0.0F}, pa.centre,
-                                       pa.u, pa.n.cross(pa.u), pa.half_u_m, pa.half_v_m);
-      best = std::max(best, share * least * (1.0F - 0.5F * off / kPlaneGate_m));
-    }
-    sum += best;
-  }
-  return sum / std::max(1e-6F, std::min(a_->weight, b_->weight));
-}
-
-// Scores a transform and puts it among the best, one of each kind.
-void PlaceCompare::keep(const Eigen::Matrix3f& R, const Eigen::Vector3f& t,
-                        Guesses& out) const noexcept {
-  PlaceGuess guess;
-  guess.score = score(R, t);
-  if (full(out) && guess.score <= out.back().score) return;
-  guess.T_a_b = {Eigen::Quaterniond{R.cast<double>()}.normalized(), t.cast<double>()};
-  const auto same = std::find_if(out.begin(), out.end(), [&](const PlaceGuess& g) {
-    return (g.T_a_b.t - guess.T_a_b.t).norm() < kSame_m &&
-           g.T_a_b.q.angularDistance(guess.T_a_b.q) < 0.3;
-  });
-  if (same != out.end()) {
-    if (same->score >= guess.score) return;
-    out.erase(same);
-  } else if (full(out)) {
-    out.pop_back();
-  }
-  out.insert(
-      std::upper_bound(out.begin(), out.end(), guess,
-                       [](const PlaceGuess& g, const PlaceGuess& h) { return g.score > h.score; }),
-      guess);
-}
-
 void PlaceCompare::try_shifts(const Turn& turn, Guesses& out) noexcept {
   // The three axes of a that the turn finds again, best votes first, and that span space.
   StaticVector<std::size_t, 3> used;
@@ -235,6 +170,7 @@ void PlaceCompare::try_shifts(const Turn& turn, Guesses& out) noexcept {
     if (list->empty()) return;
   }
   const Eigen::Matrix3f solve = rows.inverse();
+  turn_planes(turn.R);
   const float least =
       kShiftsShare * (peaks[0]->front().votes + peaks[1]->front().votes + peaks[2]->front().votes);
   for (const Peak& x : *peaks[0]) {
@@ -330,6 +266,7 @@ PlaceCompare::Guesses PlaceCompare::guess_near(const PlaceDescriptor& a, const P
   Eigen::Matrix3f all;
   for (int i = 0; i < 3; ++i) all.row(i) = rows[static_cast<std::size_t>(i)].transpose();
   const Eigen::Matrix3f solve = all.inverse();
+  turn_planes(turn.R);
   float least = 0.0F;
   for (const auto& list : shifts) least += kNearShare * list.front().votes;
   for (const Peak& x : shifts[0]) {

@@ -81,13 +81,25 @@ class PlaceCompare {
   void try_shifts(const Turn& turn, Guesses& out) noexcept;
   [[nodiscard]] bool turn_near(const Eigen::Matrix3f& R_guess, float gate_rad, Turn& out) noexcept;
   void keep(const Eigen::Matrix3f& R, const Eigen::Vector3f& t, Guesses& out) const noexcept;
-  [[nodiscard]] float score(const Eigen::Matrix3f& R, const Eigen::Vector3f& t) const noexcept;
+  void turn_planes(const Eigen::Matrix3f& R) noexcept;
+  [[nodiscard]] float score(const Eigen::Vector3f& t) const noexcept;
+
+  // A plane of b as the present turn has it, and the planes of a that go its way.
+  struct Turned {
+    Eigen::Vector3f n, u, v, centre;
+    struct Along {
+      std::uint8_t of_a;
+      float off_m;  // without a shift
+    };
+    StaticVector<Along, PlaceDescriptor::kPlanes> along;
+  };
 
   const PlaceDescriptor* a_ = nullptr;
   const PlaceDescriptor* b_ = nullptr;
   std::array<float, kBins + 2> bins_;
   std::array<Votes, 2 * kAxes * kAxes> votes_;
   StaticVector<Turn, kTurns> turns_;
+  StaticVector<Turned, PlaceDescriptor::kPlanes> turned_;
 };
 
 }  // namespace maplet

@@ -3,6 +3,7 @@
 
 #include "core/maplet/maplet.hpp"
 #include "core/registration/delta_pose.hpp"
+#include "core/registration/region.hpp"
 
 namespace maplet {
 
@@ -19,6 +20,9 @@ class PlacePrior {
                                     Transform<MapletA, MapletB>& T_index_newest) const noexcept = 0;
   /// @return the maplet, valid until the next call, or nullptr when it is not kept any more
   [[nodiscard]] virtual const Maplet* load(int index) noexcept = 0;
+  /// The region around its frontier, its own frame: where a registration with it has to look.
+  /// @return nullptr when it has no border in the open, or nobody looked
+  [[nodiscard]] virtual const RegionOfInterest* frontier(int) const noexcept { return nullptr; }
 };
 
 }  // namespace maplet

@@ -6,6 +6,8 @@
 #include <bit>
 #include <cmath>
 
+#include "core/maplet/codec.hpp"
+
 namespace maplet {
 
 namespace {
@@ -39,13 +41,19 @@ void sample(const Maplet& m, PlaneFeature& feature) noexcept {
   }
 }
 
+// What decode() lets through is; what a program made itself may be anything.
+bool usable(const MapletPlane& p) noexcept {
+  return p.plane.n.allFinite() && p.covariance.allFinite() &&
+         std::abs(p.plane.d) <= codec::kMaxDistance_m && p.centre.norm() <= codec::kMaxDistance_m;
+}
+
 // @param region  or nullptr; T maps m into its frame
 double read(const Maplet& m, const RegionOfInterest* region, const Se3& T,
             StaticVector<PlaneFeature, kMaxMapletPlanes>& out) noexcept {
   out.clear();
   double area = 0.0;
   for (const MapletPlane& p : m.planes) {
-    if (p.grid.occupied == 0) continue;
+    if (p.grid.occupied == 0 || !usable(p)) continue;
     if (region != nullptr && !region->touches(m, p, T)) continue;
     PlaneFeature& f = out.emplace_back();
     f.plane = &p;

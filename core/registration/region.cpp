@@ -79,6 +79,11 @@ bool RegionOfInterest::touches(const Maplet& maplet, const MapletPlane& plane,
   return false;
 }
 
+Eigen::Vector3d up_of(const Maplet& maplet) noexcept {
+  if (!maplet.up.isZero()) return maplet.up;
+  return maplet.planes.empty() ? Eigen::Vector3d{0.0, -1.0, 0.0} : maplet.planes[0].plane.n;
+}
+
 Frontier find_frontier(const Maplet& maplet, const Eigen::Vector3d& up) noexcept {
   Frontier out;
   Eigen::Index flattest = 0;

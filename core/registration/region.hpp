@@ -39,9 +39,13 @@ struct Frontier {
   static constexpr double kMargin_m = 1.0;
 };
 
+/// Unit: maplet.up, or the normal of the largest plane when that is not known; y of the camera in a
+/// maplet without planes.
+[[nodiscard]] Eigen::Vector3d up_of(const Maplet& maplet) noexcept;
+
 /// Border cells of all planes whose neighbour lies on no plane, and the region around them on the
 /// plan perpendicular to `up`.
-/// @param up  unit; maplet.up, or the normal of the largest plane when that is not known
+/// @param up  unit, as up_of()
 /// Time   O(cells + border cells * planes)
 /// Math   docs/math/icap.md, eq. 19
 [[nodiscard]] Frontier find_frontier(const Maplet& maplet, const Eigen::Vector3d& up) noexcept;

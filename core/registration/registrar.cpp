@@ -17,6 +17,16 @@ Registrar::Registrar(const RegistrationConfig& config, Arena& arena)
 DeltaPose Registrar::link(const Maplet& previous, const Maplet& current, const PathLink& odometry,
                           Deadline deadline) noexcept {
   ++counts_.links;
+  DeltaPose out = fuse(previous, current, odometry, deadline);
+  if (planar_) {
+    out.T_a_b = Transform<MapletA, MapletB>{planar_->project(out.T_a_b.se3)};
+    out.covariance = planar_->restrict_covariance(out.covariance);
+  }
+  return out;
+}
+
+DeltaPose Registrar::fuse(const Maplet& previous, const Maplet& current, const PathLink& odometry,
+                          Deadline deadline) noexcept {
   DeltaPose out;
   out.kind = DeltaPose::Kind::kConsecutive;
   out.a = previous.key;

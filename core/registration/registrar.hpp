@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 
 #include "core/base/arena.hpp"
 #include "core/base/deadline.hpp"
@@ -36,11 +37,21 @@ class Registrar {
   [[nodiscard]] DeltaPose link(const Maplet& previous, const Maplet& current,
                                const PathLink& odometry, Deadline deadline) noexcept;
 
+  /// The camera moves in a plane only: links have three unknowns.
+  void hold_to(const PlanarMotion& planar) noexcept {
+    planar_ = planar;
+    icap_->hold_to(planar);
+  }
+
   [[nodiscard]] const RegistrarCounts& counts() const noexcept { return counts_; }
 
  private:
+  [[nodiscard]] DeltaPose fuse(const Maplet& previous, const Maplet& current,
+                               const PathLink& odometry, Deadline deadline) noexcept;
+
   RegistrationConfig config_;
   Arena::Owned<Icap> icap_;
+  std::optional<PlanarMotion> planar_;
   RegistrarCounts counts_;
 };
 

@@ -8,6 +8,8 @@ namespace maplet {
 
 namespace {
 
+constexpr double kNear_m = 0.2;  // of the truth, once a region's planes have said where
+constexpr double kNear_rad = 0.15;
 constexpr double kSamePlace_m = 0.1;
 constexpr double kSamePlace_rad = 0.05;
 constexpr double kStrict = 0.7;  // of the limits for fit and conflict, with nothing known before
@@ -57,7 +59,7 @@ Judgement judge_alignment(const MapletAlignment& found, const Evidence& evidence
 Closure Verifier::verify(const Maplet& a, const Maplet& b, const Transform<MapletA, MapletB>& guess,
                          double gate_m, double gate_rad, Prior prior, Deadline deadline) noexcept {
   Closure out;
-  const auto alignment = icap_.align(a, b, guess, gate_m, gate_rad, deadline);
+  const auto alignment = align(a, b, guess, gate_m, gate_rad, deadline);
   if (!alignment) {
     out.judgement = {Verdict::kReject, alignment.error().what};
     return out;
@@ -66,6 +68,21 @@ Closure Verifier::verify(const Maplet& a, const Maplet& b, const Transform<Maple
   out.alignment = *alignment;
   out.judgement = judge(a, b, out, gate_m, gate_rad, prior, deadline);
   return out;
+}
+
+Expected<MapletAlignment> Verifier::align(const Maplet& a, const Maplet& b,
+                                          const Transform<MapletA, MapletB>& guess, double gate_m,
+                                          double gate_rad, Deadline deadline) noexcept {
+  if (region_ != nullptr) {
+    icap_.look_at(region_);
+    const auto there = icap_.align(a, b, guess, gate_m, gate_rad, deadline);
+    icap_.look_at(nullptr);
+    if (there && there->matches >= config_.accept_matches && there->free_axes.empty()) {
+      return icap_.align(a, b, there->T_a_b, std::min(gate_m, kNear_m),
+                         std::min(gate_rad, kNear_rad), deadline);
+    }
+  }
+  return icap_.align(a, b, guess, gate_m, gate_rad, deadline);
 }
 
 Judgement Verifier::judge(const Maplet& a, const Maplet& b, Closure& closure, double gate_m,

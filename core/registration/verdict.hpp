@@ -60,12 +60,22 @@ class Verifier {
  public:
   explicit Verifier(const RegistrationConfig& config) noexcept : config_{config}, icap_{config} {}
 
+  /// The planes in this region say first how the two lie to each other; all of them are judged.
+  /// @param region  of a's frame, kept; nullptr: all planes from the start
+  void look_first_at(const RegionOfInterest* region) noexcept { region_ = region; }
+  /// As Icap::hold_to().
+  void hold_to(const PlanarMotion& planar) noexcept { icap_.hold_to(planar); }
+
   /// @param guess  within gate_m, gate_rad of the truth, if the two overlap at all
   [[nodiscard]] Closure verify(const Maplet& a, const Maplet& b,
                                const Transform<MapletA, MapletB>& guess, double gate_m,
                                double gate_rad, Prior prior, Deadline deadline) noexcept;
 
  private:
+  [[nodiscard]] Expected<MapletAlignment> align(const Maplet& a, const Maplet& b,
+                                                const Transform<MapletA, MapletB>& guess,
+                                                double gate_m, double gate_rad,
+                                                Deadline deadline) noexcept;
   [[nodiscard]] Judgement judge(const Maplet& a, const Maplet& b, Closure& closure, double gate_m,
                                 double gate_rad, Prior prior, Deadline deadline) noexcept;
   [[nodiscard]] bool ambiguous(const Maplet& a, const Maplet& b, const MapletAlignment& best,
@@ -73,6 +83,7 @@ class Verifier {
                                bool& in_time) noexcept;
 
   RegistrationConfig config_;
+  const RegionOfInterest* region_ = nullptr;
   Icap icap_;
 };
 

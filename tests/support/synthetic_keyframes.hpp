@@ -96,10 +96,13 @@ inline void render(const std::vector<Wall>& walls, const Se3& T_world_camera, Ke
       f.theta += root * Eigen::Vector3d{normal(*noise), normal(*noise), normal(*noise)};
     }
     f.mean_gray = 80.0F;
-    f.area_m2 = 1.0F;
+    const Plane plane = f.plane();
     for (Patch& p : out.patches.patches) {
       if (p.plane != static_cast<int>(i)) continue;
       f.pixels += p.pixels;
+      const Eigen::Vector3d centre = p.centre();
+      const double slant = -plane.n.dot(centre) / centre.norm();
+      f.area_m2 += static_cast<float>(p.pixels * std::pow(centre.z() / camera.fx_px, 2) / slant);
       p.theta = f.theta;
     }
     out.patches.planes.push_back(f);

@@ -7,6 +7,8 @@
 #include <cstdlib>
 #include <iterator>
 
+#include "transport/exchange/record_codec.hpp"
+
 namespace maplet {
 
 namespace {
@@ -37,6 +39,26 @@ void put_number(JsonLine& line, Number value) {
   const std::size_t before = line.size();
   put(line, FMT_COMPILE("{}"), value == Number{0} ? Number{0} : value);
   if (line.find_first_of(".e", before) == JsonLine::npos) line.append(".0");
+}
+
+/// The paper's delta-pose: x, z and the turn about y of the camera's axes, and their covariance.
+void put_planar(JsonLine& line, const DeltaPoseRecord& record, const DeltaPose& delta) {
+  constexpr int kInPlane[] = {0, 2, 4};
+  line.append(",\"planar\":{\"delta\":[");
+  put_number(line, delta.T_a_b.se3.t.x());
+  line.push_back(',');
+  put_number(line, delta.T_a_b.se3.t.z());
+  line.push_back(',');
+  put_number(line, double{record.rotation_rad[1]});
+  line.append("],\"covariance\":[");
+  for (const int i : kInPlane) {
+    for (const int j : kInPlane) {
+      put_number(line, delta.covariance(i, j));
+      line.push_back(',');
+    }
+  }
+  line.back() = ']';
+  line.push_back('}');
 }
 
 }  // namespace
@@ -72,6 +94,7 @@ JsonLine to_json(const DeltaPoseRecord& record) noexcept {
     }
   }
   line.back() = ']';
+  if (is_planar(record)) put_planar(line, record, delta);
   line.append(",\"overlap\":");
   put_number(line, delta.overlap);
   put(line, FMT_COMPILE(",\"matches\":{}}}"), delta.matches);

@@ -12,24 +12,64 @@ std::vector<std::byte> some_bytes(std::size_t count, int value) {
   return std::vector<std::byte>(count, std::byte(value));
 }
 
-TEST(MapletStore, KeepsTheNewestOnes) {
-  Arena arena{1 << 20};
-  MapletStore store{3, 100, arena};
-  for (std::uint32_t id = 0; id < 5; ++id) store.put(id, some_bytes(10 + id, static_cast<int>(id)));
-  EXPECT_FALSE(store.find(0));
-  EXPECT_FALSE(store.find(1));
-  EXPECT_FALSE(store.find(77));
-  EXPECT_EQ(store.forgotten(), 2u);
-  const auto newest = store.find(4);
+MapletKey own(std::uint32_t id) { return {1, 1, id}; }
+
+class Store : public testing::Test {
+ protected:
+  Arena arena_{1 << 20};
+  MapletStore store_{3, 100, arena_};
+
+  bool put(const MapletKey& key, const std::vector<std::byte>& bytes) {
+    return store_.put(key, bytes);
+  }
+};
+
+TEST_F(Store, KeepsTheNewestOnes) {
+  for (std::uint32_t id = 0; id < 5; ++id) {
+    EXPECT_TRUE(put(own(id), some_bytes(10 + id, static_cast<int>(id))));
+  }
+  EXPECT_FALSE(store_.find(own(0)));
+  EXPECT_FALSE(store_.find(own(1)));
+  EXPECT_FALSE(store_.find(own(77)));
+  EXPECT_EQ(store_.forgotten(), 2u);
+  const auto newest = store_.find(own(4));
   ASSERT_TRUE(newest);
   EXPECT_EQ(newest->size(), 14u);
   EXPECT_EQ((*newest)[13], std::byte{4});
 }
 
-TEST(MapletStoreDeathTest, TooLargeAMapletIsABug) {
-  Arena arena{1 << 20};
-  MapletStore store{3, 100, arena};
-  EXPECT_DEATH(store.put(0, some_bytes(101, 1)), "");
+TEST_F(Store, TakesEachOnceAndNoneTooLarge) {
+  EXPECT_FALSE(put(own(0), some_bytes(101, 1)));
+  EXPECT_FALSE(put(own(0), {}));
+  EXPECT_TRUE(put(own(0), some_bytes(9, 1)));
+  EXPECT_FALSE(put(own(0), some_bytes(10, 2)));
+  EXPECT_EQ(store_.find(own(0))->size(), 9u);
+  EXPECT_EQ(store_.count(), 1u);
+}
+
+TEST_F(Store, AgentsDoNotHideEachOther) {
+  EXPECT_TRUE(put({2, 1, 7}, some_bytes(7, 2)));
+  EXPECT_TRUE(put({3, 1, 7}, some_bytes(8, 3)));
+  EXPECT_TRUE(put({2, 9, 7}, some_bytes(9, 4)));
+  EXPECT_EQ(store_.find({2, 1, 7})->size(), 7u);
+  EXPECT_EQ(store_.find({3, 1, 7})->size(), 8u);
+  EXPECT_EQ(store_.find({2, 9, 7})->size(), 9u);
+}
+
+TEST_F(Store, RemembersFrontiersOfWhatItKeeps) {
+  RegionOfInterest region;
+  for (const auto& [x, z] : {std::pair{0.0, 0.0}, {1.0, 0.0}, {0.0, 1.0}}) {
+    region.corners.push_back({x, z});
+  }
+  EXPECT_TRUE(put(own(0), some_bytes(10, 1)));
+  EXPECT_EQ(store_.frontier(own(0)), nullptr);
+  store_.set_frontier(own(0), region);
+  store_.set_frontier(own(1), region);
+  ASSERT_NE(store_.frontier(own(0)), nullptr);
+  EXPECT_EQ(store_.frontier(own(0))->corners.size(), 3U);
+  EXPECT_EQ(store_.frontier(own(1)), nullptr);
+  for (std::uint32_t id = 1; id < 4; ++id) EXPECT_TRUE(put(own(id), some_bytes(10, 1)));
+  EXPECT_EQ(store_.frontier(own(0)), nullptr);
 }
 
 }  // namespace

@@ -73,8 +73,8 @@ class Walk {
     if (track.keyframe_due) {
       const Keyframe& keyframe = tracker_->make_keyframe(frame_, seen_->patches, track);
       views_.saw(keyframe);
-      if (const MapletCut* cut = builder_.add(keyframe, Deadline::never())) {
-        store_.put(cut->maplet.key.id, cut->bytes);
+      if (const MapletCut* cut = builder_.add(keyframe, nullptr, Deadline::never())) {
+        (void)store_.put(cut->maplet.key, cut->bytes);
         views_.add(cut->maplet);
       }
       ++keyframes;

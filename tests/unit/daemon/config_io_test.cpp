@@ -24,6 +24,19 @@ TEST(ConfigIo, ReadsWhatIsSaidAndKeepsTheRest) {
   EXPECT_EQ(config->input.gray, "auto");
 }
 
+TEST(ConfigIo, SomeKeysStandBeforeAllSections) {
+  const auto config = parse_config("motion = \"planar\"\n[body]\nup = [0, -1, 0]\n", "t");
+  ASSERT_TRUE(config) << config.error();
+  EXPECT_EQ(config->mission.motion, "planar");
+  EXPECT_THAT(error_of("motion = \"2d\"\n"),
+              AllOf(HasSubstr("test.toml:1"), HasSubstr("3d|planar")));
+  EXPECT_THAT(error_of("[motion]\nx = 1\n"), HasSubstr("3d|planar"));
+  EXPECT_THAT(error_of("[input]\nmotion = \"planar\"\n"), HasSubstr("unknown key"));
+  Config changed;
+  ASSERT_TRUE(set_key(changed, "motion=planar"));
+  EXPECT_EQ(changed.mission.motion, "planar");
+}
+
 TEST(ConfigIo, UnknownKeyNamesFileAndLine) {
   EXPECT_THAT(error_of("[input]\n\ndecimte = 2\n"), HasSubstr("test.toml:3"));
   EXPECT_THAT(error_of("[input]\n\ndecimte = 2\n"), HasSubstr("input.decimte"));

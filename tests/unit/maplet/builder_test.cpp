@@ -28,19 +28,25 @@ class Walk {
     } else {
       test::render(walls_, T_world_camera, *keyframe_, noise);
     }
-    keyframe_->stamp = Stamp{1'000'000'000} + ++steps_ * Stamp{100'000'000};
+    ++steps_;
+    keyframe_->id = static_cast<std::uint32_t>(steps_);
+    keyframe_->stamp = Stamp{1'000'000'000} + steps_ * Stamp{100'000'000};
     keyframe_->T_odom_camera.se3 = T_world_camera;
     keyframe_->covariance = Matrix6d::Identity() * 1e-6;
-    keep(builder_.add(*keyframe_, Deadline::never()));
+    keep(builder_.add(*keyframe_, nullptr, Deadline::never()));
   }
   void finish() { keep(builder_.finish()); }
   void lose() { ++keyframe_->segment; }
+  void show(const std::vector<test::Wall>& walls) { walls_ = walls; }
+  [[nodiscard]] MapletBuilder& builder() { return builder_; }
+  [[nodiscard]] Keyframe& keyframe() { return *keyframe_; }
 
   struct Kept {
     std::unique_ptr<Maplet> maplet;
     PathLink link;
     CutReason reason;
     std::size_t bytes;
+    PointShare points;
   };
   std::vector<Kept> maplets;
   [[nodiscard]] const MapletCounts& counts() const { return builder_.counts(); }
@@ -48,8 +54,8 @@ class Walk {
  private:
   void keep(const MapletCut* cut) {
     if (cut == nullptr) return;
-    maplets.push_back(
-        {std::make_unique<Maplet>(cut->maplet), cut->link, cut->reason, cut->bytes.size()});
+    maplets.push_back({std::make_unique<Maplet>(cut->maplet), cut->link, cut->reason,
+                       cut->bytes.size(), cut->points});
   }
 
   Arena arena_;
@@ -120,6 +126,7 @@ TEST(MapletBuilder, EndsAtThePathLimitAndOverlaps) {
   MapletConfig config;
   config.max_path_m = 1.0;
   config.overlap_keyframes = 2;
+  config.boundary_keyframes = 0;
   Walk walk{config};
   for (int i = 0; i < 25; ++i) walk.step(camera(1.0 + 0.15 * i, 2.5, 0.0));
   walk.finish();
@@ -210,7 +217,7 @@ TEST(MapletBuilder, SurfaceThatIsSeenThroughGoes) {
     test::render(i < 2 ? walls : test::room(), T, k);
     k.T_odom_camera.se3 = T;
     k.stamp = Stamp{i};
-    EXPECT_EQ(builder.add(k, Deadline::never()), nullptr);
+    EXPECT_EQ(builder.add(k, nullptr, Deadline::never()), nullptr);
   }
   const MapletCut* cut = builder.finish();
   ASSERT_NE(cut, nullptr);
@@ -218,6 +225,179 @@ TEST(MapletBuilder, SurfaceThatIsSeenThroughGoes) {
   for (const MapletPlane& p : cut->maplet.planes) {
     EXPECT_FALSE(std::abs(p.plane.distance(poster)) < 0.05 && cut->maplet.covers(p, poster));
   }
+}
+
+// A range was measured at a keyframe: an origin there, and both maplets hold it.
+TEST(MapletBuilder, AMeasurementGetsItsOrigin) {
+  Walk walk;
+  for (int i = 0; i < 5; ++i) walk.step(camera(1.5 + 0.1 * i, 2.5, 0.0));
+  walk.builder().ask_origin();
+  walk.step(camera(2.0, 2.5, 0.1));
+  const Stamp asked = walk.keyframe().stamp;
+  for (int i = 0; i < 5; ++i) walk.step(camera(2.1 + 0.1 * i, 2.5, 0.1));
+  walk.finish();
+  ASSERT_EQ(walk.maplets.size(), 2U);
+  EXPECT_EQ(walk.maplets[0].reason, CutReason::kAsked);
+  EXPECT_EQ(walk.maplets[0].maplet->keyframes.back().stamp, asked);
+  EXPECT_EQ(walk.maplets[1].maplet->stamp, asked);
+  EXPECT_EQ(walk.maplets[1].maplet->keyframes.size(), 6U);
+  ASSERT_TRUE(walk.maplets[1].link.valid);
+  EXPECT_NEAR(walk.maplets[1].link.T_previous_this.se3.t.norm(), 0.5, 1e-3);
+}
+
+TEST(MapletBuilder, AMomentOnThePathIsTiedToItsMaplet) {
+  Walk walk;
+  for (int i = 0; i < 4; ++i) walk.step(camera(1.5 + 0.1 * i, 2.5, 0.0));
+  Track track;
+  track.state = Track::State::kTracking;
+  track.keyframe_id = walk.keyframe().id;
+  track.stamp = Stamp{5};
+  track.T_keyframe_camera.se3.t = {0.0, 0.0, 0.05};
+  track.covariance = 1e-6 * Matrix6d::Identity();
+  const auto here = walk.builder().locate(track);
+  ASSERT_TRUE(here);
+  EXPECT_EQ(here->maplet, (MapletKey{2, 77, 5}));
+  EXPECT_NEAR(here->T_maplet_camera.se3.t.z(), 0.35, 1e-3);
+  // Three keyframes and the frame itself.
+  EXPECT_NEAR(here->covariance(2, 2), 4e-6, 1e-7);
+  track.keyframe_id += 1;
+  EXPECT_FALSE(walk.builder().locate(track));
+  track.state = Track::State::kLost;
+  EXPECT_FALSE(walk.builder().locate(track));
+}
+
+// Round the end of a wall: the line from origin to origin must not cross it.
+TEST(MapletBuilder, OriginsSeeEachOther) {
+  MapletConfig config;
+  config.max_path_m = 50.0;
+  config.max_yaw_rad = 6.0;
+  config.max_curvature_rad = 50.0;
+  auto walls = test::room();
+  // Across the room from y = 0 to 3.4, seen from both sides.
+  walls.push_back({{3.0, 1.7, 1.3}, {0, 0, 1.3}, {0, 1.7, 0}});
+  walls.push_back({{3.02, 1.7, 1.3}, {0, 1.7, 0}, {0, 0, 1.3}});
+  Walk walk{config, walls};
+  std::vector<Eigen::Vector2d> path;
+  for (int i = 0; i <= 12; ++i) path.push_back({1.0 + 0.1 * i, 1.0 + 0.24 * i});
+  for (int i = 1; i <= 4; ++i) path.push_back({2.2 + 0.4 * i, 3.88});
+  for (int i = 1; i <= 12; ++i) path.push_back({3.8 + 0.05 * i, 3.88 - 0.24 * i});
+  for (const auto& p : path) walk.step(camera(p.x(), p.y(), p.x() < 3.0 ? 0.0 : 3.14));
+  walk.finish();
+  ASSERT_GE(walk.maplets.size(), 2U);
+  EXPECT_EQ(walk.maplets[0].reason, CutReason::kHidden);
+  EXPECT_EQ(walk.counts().hidden_origins, 0U);
+  for (std::size_t k = 1; k < walk.maplets.size(); ++k) {
+    const auto origin = [&](std::size_t i) {
+      const auto step = (walk.maplets[i].maplet->stamp.count() - 1'100'000'000) / 100'000'000;
+      return path[static_cast<std::size_t>(step)];
+    };
+    const Eigen::Vector2d a = origin(k - 1);
+    const Eigen::Vector2d b = origin(k);
+    if ((a.x() - 3.0) * (b.x() - 3.0) >= 0.0) continue;
+    EXPECT_GT(a.y() + (3.0 - a.x()) / (b.x() - a.x()) * (b.y() - a.y()), 3.4);
+  }
+}
+
+// Bare walls but for one view: the next origin is there.
+TEST(MapletBuilder, TheBoundaryMovesToStructure) {
+  using V = Eigen::Vector3d;
+  auto bare = test::room();
+  bare.resize(6);
+  auto furnished = bare;
+  for (int i = 0; i < 6; ++i) {
+    furnished.push_back(
+        {V{4.5, 1.2 + 0.52 * i, 0.8 + 0.4 * (i % 3)}, V{0, 0, 0.25}, V{0, 0.25, 0}});
+  }
+  for (const int special : {5, 6, 7}) {
+    MapletConfig config;
+    config.max_keyframes = 8;
+    Walk walk{config, bare};
+    for (int i = 0; i < 12; ++i) {
+      walk.show(i == special ? furnished : bare);
+      walk.step(camera(1.0 + 0.05 * i, 2.5, 0.0));
+    }
+    walk.finish();
+    ASSERT_GE(walk.maplets.size(), 2U);
+    EXPECT_EQ(walk.maplets[1].maplet->stamp, Stamp{1'100'000'000 + special * 100'000'000LL});
+  }
+}
+
+TEST(MapletBuilder, UpIsFoundOnTheFloorGivenOrUnknown) {
+  const auto up_of_first = [](const Vector3OrAuto& up, const std::vector<test::Wall>& walls) {
+    Walk walk{{}, walls};
+    walk.builder().know_up(up);
+    for (int i = 0; i < 4; ++i) walk.step(camera(1.5 + 0.1 * i, 2.5, 0.0));
+    walk.finish();
+    return Eigen::Vector3d{walk.maplets.at(0).maplet->up};
+  };
+  EXPECT_LT((up_of_first({}, test::room()) - Eigen::Vector3d{0, -1, 0}).norm(), 1e-3);
+  const std::vector<test::Wall> one_wall{test::room()[3]};
+  EXPECT_TRUE(up_of_first({}, one_wall).isZero());
+  const Vector3OrAuto given = std::array<double, 3>{0.0, -1.0, -0.5};
+  EXPECT_LT((up_of_first(given, one_wall) - Eigen::Vector3d{0, -1, -0.5}.normalized()).norm(),
+            1e-3);
+}
+
+TEST(MapletBuilder, PlanarMotionStaysInItsPlane) {
+  Walk walk;
+  const Eigen::Vector3d up{0.0, -1.0, 0.0};
+  walk.builder().hold_to(PlanarMotion{up});
+  std::mt19937 rng{5};
+  for (int i = 0; i < 14; ++i) {
+    const Se3 T = camera(1.5 + 0.15 * i, 2.5, 0.05 * i);
+    walk.step(T * Se3::exp(test::normal_tangent(rng, 2e-3, 2e-3)));
+  }
+  walk.finish();
+  for (const auto& kept : walk.maplets) {
+    for (const MapletKeyframe& k : kept.maplet->keyframes) {
+      EXPECT_NEAR(k.T_maplet_camera.se3.t.y(), 0.0, codec::kMaxTranslationError_m);
+      EXPECT_LT((k.T_maplet_camera.se3.q * up - up).norm(), 2 * codec::kMaxRotationError_rad);
+    }
+    if (!kept.link.valid) continue;
+    EXPECT_NEAR(kept.link.T_previous_this.se3.t.y(), 0.0, 1e-9);
+  }
+}
+
+TEST(MapletBuilder, SaysWhatShareOfThePointsItHolds) {
+  Walk walk;
+  walk.step(camera(1.5, 2.5, 0.0));
+  // The first keyframe does not count its pixels; the second says that half of its are on no patch.
+  Keyframe& k = walk.keyframe();
+  std::uint64_t points = 0;
+  for (const Patch& p : k.patches.patches) points += p.pixels;
+  k.patches.valid_pixels = static_cast<std::uint32_t>(2 * points);
+  k.stamp += Stamp{1};
+  EXPECT_EQ(walk.builder().add(k, nullptr, Deadline::never()), nullptr);
+  walk.finish();
+  const PointShare share = walk.maplets.at(0).points;
+  EXPECT_EQ(share.seen, 2 * points);
+  EXPECT_GT(static_cast<double>(share.kept), 1.9 * static_cast<double>(points));
+}
+
+// A patch that no plane took is kept as a small quad where it is large enough.
+TEST(MapletBuilder, LoosePatchesAreKeptAsQuadsWhereTheyAreWorthIt) {
+  const auto quads = [](double depth_m) {
+    Walk walk{{}, {}};
+    Keyframe& k = walk.keyframe();
+    k.patches.camera = {320, 240, 262.0, 262.0, 159.5, 119.5};
+    Patch p{};
+    p.theta = {0.0, 0.0, 1.0 / depth_m};
+    p.information = 1e6 * Eigen::Matrix3d::Identity();
+    p.ray = {0.0, 0.0};
+    p.u_px = 140;
+    p.v_px = 100;
+    p.width_px = p.height_px = 32;
+    p.pixels = 32 * 32;
+    p.plane = Patch::kNoPlane;
+    k.patches.patches.push_back(p);
+    k.patches.valid_pixels = p.pixels;
+    EXPECT_EQ(walk.builder().add(k, nullptr, Deadline::never()), nullptr);
+    walk.finish();
+    EXPECT_EQ(walk.counts().quads_kept + walk.counts().quads_left_out, 1U);
+    return walk.maplets.at(0).maplet->planes.size();
+  };
+  EXPECT_EQ(quads(2.0), 1U);  // 24 cm
+  EXPECT_EQ(quads(0.5), 0U);  // 6 cm
 }
 
 // Squared normalised errors of plane estimates average to their degrees of freedom.

@@ -185,6 +185,88 @@ TEST(Icap, ParallelPlanesFixThreeAxes) {
   EXPECT_EQ(out->free_axes.size(), 3U);
 }
 
+// Three numbers instead of six: exactly in the plane, honest there, and nothing else is asked of
+// the planes.
+TEST(Icap, PlanarMotionHasThreeUnknowns) {
+  const Se3 T_world_a = test::camera_at({2.0, 2.5, 1.2}, 0.2);
+  const Se3 T_world_b = test::camera_at({2.8, 2.2, 1.2}, 0.7);
+  const PlanarMotion planar{Eigen::Vector3d{0.0, -1.0, 0.0}};
+  RegistrationConfig config;
+  config.uneven_m = 0.0;
+  config.uneven_rad = 0.0;
+  std::mt19937 rng{3};
+  double sum = 0.0;
+  constexpr int kRuns = 100;
+  for (int run = 0; run < kRuns; ++run) {
+    Views v = two_views_of(test::room(), T_world_a, T_world_b);
+    disturb(*v.a, rng);
+    disturb(*v.b, rng);
+    const auto icap = std::make_unique<Icap>(config);
+    icap->hold_to(planar);
+    const auto out = icap->align(*v.a, *v.b, perturbed(v.T_a_b), Deadline::never());
+    ASSERT_TRUE(out);
+    EXPECT_NEAR(out->T_a_b.se3.t.y(), 0.0, 1e-12);
+    EXPECT_NEAR(out->T_a_b.se3.q.x(), 0.0, 1e-12);
+    EXPECT_TRUE(out->free_axes.empty());
+    const Eigen::Vector3d error =
+        planar.basis().transpose() * (out->T_a_b.se3.inverse() * v.T_a_b).log();
+    const Eigen::Matrix3d spread = planar.basis().transpose() * out->covariance * planar.basis();
+    sum += error.dot(spread.inverse() * error) / 3.0;
+  }
+  EXPECT_GT(sum / kRuns, 0.4);
+  EXPECT_LT(sum / kRuns, 1.6);
+  // Two walls at an angle fix it; without the floor 3d motion has an axis free.
+  const std::vector<test::Wall> corner{test::room()[3], test::room()[5]};
+  const Views v = two_views_of(corner, T_world_a, T_world_b);
+  const auto icap = std::make_unique<Icap>(config);
+  const auto free = icap->align(*v.a, *v.b, T_A_B{v.T_a_b}, Deadline::never());
+  icap->hold_to(planar);
+  const auto held = icap->align(*v.a, *v.b, T_A_B{v.T_a_b}, Deadline::never());
+  ASSERT_TRUE(free && held);
+  EXPECT_EQ(free->free_axes.size(), 1U);
+  EXPECT_TRUE(held->free_axes.empty());
+}
+
+TEST(Icap, PlanesThatAreNotFiniteOrAtTheEndOfTheWorldAreNone) {
+  const Views good = two_views_of(test::room());
+  const auto reference = align(good, T_A_B{good.T_a_b});
+  ASSERT_TRUE(reference);
+  const double nan = std::nan("");
+  const auto spoil = [&](auto change, double of_planes) {
+    Views v = two_views_of(test::room());
+    for (std::size_t i = 0;
+         static_cast<double>(i) < of_planes * static_cast<double>(v.b->planes.size()); ++i) {
+      change(v.b->planes[i]);
+    }
+    return align(v, T_A_B{v.T_a_b});
+  };
+  const auto not_finite = [&](MapletPlane& p) { p.plane.n.x() = nan; };
+  const auto no_distance = [&](MapletPlane& p) { p.plane.d = nan; };
+  const auto no_covariance = [&](MapletPlane& p) { p.covariance(1, 2) = nan; };
+  const auto far = [](MapletPlane& p) {
+    p.plane.d = 1e6;
+    p.centre = -1e6 * p.plane.n;
+  };
+  const auto expect_some_or_none = [&](const auto& change) {
+    const auto some = spoil(change, 0.3);
+    ASSERT_TRUE(some);
+    expect_near(some->T_a_b.se3, good.T_a_b, 1e-3, 1e-3);
+    EXPECT_LT(some->matches, reference->matches);
+    const auto none = spoil(change, 1.0);
+    ASSERT_FALSE(none);
+    EXPECT_EQ(none.error().code, ErrorCode::kNoOverlap);
+  };
+  expect_some_or_none(not_finite);
+  expect_some_or_none(no_distance);
+  expect_some_or_none(no_covariance);
+  expect_some_or_none(far);
+  T_A_B guess{good.T_a_b};
+  guess.se3.t.x() = nan;
+  const auto bad_guess = align(good, guess);
+  ASSERT_FALSE(bad_guess);
+  EXPECT_EQ(bad_guess.error().code, ErrorCode::kBadInput);
+}
+
 TEST(Icap, CovarianceIsHonest) {
   RegistrationConfig config;
   config.uneven_m = 0.0;
