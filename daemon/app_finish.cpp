@@ -80,7 +80,8 @@ bool App::write_report() {
   const auto path = output_->folder() / "report.json";
   std::ofstream file{path};
   const auto radio = radio_ ? std::make_unique<RadioStatus>(radio_->status()) : nullptr;
-  file << report_json(totals_, source_counters(), meters_, arena_.used_bytes(), radio.get());
+  file << report_json(totals_, source_counters(), meters_, arena_.used_bytes(), radio.get(),
+                      agent_->skeleton());
   file.close();
   if (!file) log_error(path.string() + ": cannot be written; make room and run again");
   return static_cast<bool>(file);

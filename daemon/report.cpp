@@ -59,7 +59,7 @@ Json memory_json(std::size_t arena_bytes) {
 
 std::string report_json(const RunTotals& totals, const SourceCounters& source,
                         const StageMeters& meters, std::size_t arena_bytes,
-                        const RadioStatus* radio) {
+                        const RadioStatus* radio, const Skeleton& skeleton) {
   Json report;
   report["version"] = MAPLET_VERSION;
   report["complete"] = totals.complete;
@@ -85,6 +85,14 @@ std::string report_json(const RunTotals& totals, const SourceCounters& source,
       {"closures", totals.closures},
       {"unrelated", totals.unrelated},
       {"payload_bytes_mean", totals.delta_poses == 0 ? 0 : kDeltaPosePayloadBytes}};
+  const SkeletonCounters skeleton_counters = skeleton.counters();
+  report["skeleton"] = {{"nodes", skeleton.node_count()},
+                        {"factors", skeleton.factor_count()},
+                        {"condensed", skeleton_counters.condensed},
+                        {"dropped", skeleton_counters.dropped},
+                        {"nodes_full", skeleton_counters.nodes_full},
+                        {"factors_full", skeleton_counters.factors_full},
+                        {"overflows", skeleton_counters.overflows}};
   report["memory"] = memory_json(arena_bytes);
   if (radio != nullptr && radio->peer_count > 0) report["exchange"] = exchange_json(*radio);
   return report.dump(2) + "\n";

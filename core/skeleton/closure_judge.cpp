@@ -28,8 +28,10 @@ double translation_extent(const Se3 &a, const Se3 &b) noexcept { return (a.t - b
 }  // namespace
 
 template <class Space>
-ClosureJudge<Space>::ClosureJudge(PoseGraph<Space> &graph, Arena &arena)
+ClosureJudge<Space>::ClosureJudge(PoseGraph<Space> &graph, Arena &arena, const JudgePolicy &policy)
     : graph_{graph},
+      policy_{policy},
+      gate_{kGate<Space> * policy.inflation * policy.inflation},
       marginals_{graph.graph(), graph.elimination(), arena},
       state_{arena.make_array<ClosureState>(graph.graph().max_factors(), "skeleton/closures")},
       closures_{arena.make_array<int>(graph.graph().max_factors(), "skeleton/closures")} {}
@@ -85,7 +87,7 @@ bool ClosureJudge<Space>::corroborated(int factor, const Innovation &own) noexce
     const Block gain = cross.transpose() * own_inverse;
     const Block left = theirs.covariance - gain * cross;
     const Tangent e = theirs.e - gain * own.e;
-    if (e.dot(left.inverse() * e) > kGate<Space> || chance(left) > kSharp) continue;
+    if (e.dot(left.inverse() * e) > gate_ || chance(left) > kSharp) continue;
     accept(other);
     return true;
   }
@@ -144,7 +146,7 @@ void ClosureJudge<Space>::join_if_paired(int factor) noexcept {
     const double chi2 = cycle(factor, other);
     if (chi2 < 0.0) continue;
     ++compared;
-    if (chi2 > kGate<Space>) continue;
+    if (chi2 > gate_) continue;
     accept(factor);
     graph_.flush();
     return consider(other);
@@ -157,11 +159,14 @@ void ClosureJudge<Space>::consider(int factor, bool compare) noexcept {
   state_[factor] = ClosureState::kWaiting;
   measure_extent();
   const Factor<Space> &f = graph_.graph().factor(factor);
-  if (graph_.group(f.a) != graph_.group(f.b)) return join_if_paired(factor);
+  if (graph_.group(f.a) != graph_.group(f.b))
+    return policy_.wants_support ? join_if_paired(factor) : accept(factor);
   Innovation own;
   if (!measure(factor, 1, own)) return;
-  if (own.e.dot(own.covariance.inverse() * own.e) > kGate<Space>) return reject(factor);
-  if (chance(own.covariance) < kSharp || (compare && corroborated(factor, own))) accept(factor);
+  if (own.e.dot(own.covariance.inverse() * own.e) > gate_) return reject(factor);
+  if (!policy_.wants_support || chance(own.covariance) < kSharp ||
+      (compare && corroborated(factor, own)))
+    accept(factor);
 }
 
 template <class Space>
@@ -172,7 +177,7 @@ void ClosureJudge<Space>::look_again(int count) noexcept {
     const Factor<Space> &f = graph_.graph().factor(factor);
     if (state_[factor] == ClosureState::kForced) continue;
     const Tangent e = Space::error(f.z, relative_pose(graph_.graph(), f));
-    const bool fits = e.dot(weigh(f, e)) < kGate<Space>;
+    const bool fits = e.dot(weigh(f, e)) < gate_;
     if (state_[factor] == ClosureState::kAccepted) {
       if (!fits && graph_.up_to_date()) reject(factor);
     } else if (fits || state_[factor] == ClosureState::kWaiting) {
@@ -201,15 +206,15 @@ bool ClosureJudge<Space>::review() noexcept {
   measure_extent();
   bool changed = false;
   int worst = -1;
-  double most = kGate<Space>;
+  double most = gate_;
   for (int k = 0; k < closure_count_; ++k) {
     const int factor = closures_[k];
     const Factor<Space> &f = graph_.graph().factor(factor);
     const Tangent e = Space::error(f.z, relative_pose(graph_.graph(), f));
     const double chi2 = e.dot(weigh(f, e));
     if (state_[factor] == ClosureState::kAccepted) {
-      const double alone = chi2 < 0.2 * kGate<Space> ? chi2 : without_it(factor);
-      if (chi2 > kGate<Space> && chi2 > 4.0 * kGate<Space>) {
+      const double alone = chi2 < 0.2 * gate_ ? chi2 : without_it(factor);
+      if (chi2 > 4.0 * gate_) {
         reject(factor);
         changed = true;
       } else if (std::max(chi2, alone) > most) {
@@ -247,6 +252,26 @@ template <class Space>
 void ClosureJudge<Space>::force(int factor, bool accept) noexcept {
   state_[factor] = ClosureState::kForced;
   graph_.set_weight(factor, accept ? 1.0 : 0.0);
+}
+
+template <class Space>
+void ClosureJudge<Space>::begin_anew() noexcept {
+  for (int k = 0; k < closure_count_; ++k) {
+    const int factor = closures_[k];
+    if (state_[factor] == ClosureState::kForced) continue;
+    if (state_[factor] == ClosureState::kAccepted) graph_.set_weight(factor, 0.0);
+    state_[factor] = ClosureState::kWaiting;
+  }
+}
+
+template <class Space>
+void ClosureJudge<Space>::forget(int factor) noexcept {
+  if (state_[factor] == ClosureState::kNone) return;
+  state_[factor] = ClosureState::kNone;
+  const auto end = closures_.begin() + closure_count_;
+  closure_count_ =
+      static_cast<int>(std::remove(closures_.begin(), end, factor) - closures_.begin());
+  cursor_ = 0;
 }
 
 template <class Space>

@@ -20,6 +20,15 @@ enum class ClosureState : std::uint8_t {
   kForced,    ///< by hand, either way: never tested
 };
 
+/// How much a closure must show before it counts.
+struct JudgePolicy {
+  /// Standard deviations are taken that much larger: what is known of odometry may be too sure.
+  double inflation = 1.0;
+  /// Where the test is blunt, or two groups meet for the first time, another closure must agree.
+  /// Else one that nothing speaks against is believed: it has been verified where it was made.
+  bool wants_support = true;
+};
+
 /// Decides which closures to believe, as they come, and decides again both ways
 /// as the graph learns.
 ///
@@ -38,7 +47,7 @@ class ClosureJudge {
   using Tangent = typename Space::Tangent;
   using Block = typename Space::Block;
 
-  ClosureJudge(PoseGraph<Space> &graph, Arena &arena);
+  ClosureJudge(PoseGraph<Space> &graph, Arena &arena, const JudgePolicy &policy = {});
 
   /// A closure that has been added with weight 0: decides now. @pre the graph
   /// is flushed
@@ -50,7 +59,20 @@ class ClosureJudge {
   /// changed
   bool review() noexcept;
   void force(int factor, bool accept) noexcept;
+  /// Out until the next look, whatever its test says.
+  void bar(int factor) noexcept {
+    if (state_[factor] == ClosureState::kNone) closures_[closure_count_++] = factor;
+    reject(factor);
+  }
+  /// Closures, in order of arrival.
+  [[nodiscard]] std::span<const int> closures() const noexcept {
+    return closures_.first(static_cast<std::size_t>(closure_count_));
+  }
+  /// A factor that is taken out of the graph.
+  void forget(int factor) noexcept;
 
+  /// All verdicts but those by hand are forgotten; closures wait, without weight.
+  void begin_anew() noexcept;
   [[nodiscard]] ClosureState state(int factor) const noexcept { return state_[factor]; }
   [[nodiscard]] Marginals<Space> &marginals() noexcept { return marginals_; }
 
@@ -72,6 +94,8 @@ class ClosureJudge {
   void measure_extent() noexcept;
 
   PoseGraph<Space> &graph_;
+  JudgePolicy policy_;
+  double gate_;  ///< chi-square, inflated
   Marginals<Space> marginals_;
   std::span<ClosureState> state_;
   std::span<int> closures_;  ///< in order of arrival

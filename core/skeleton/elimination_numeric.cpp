@@ -17,9 +17,13 @@ void Elimination<Space>::eliminate(int node) noexcept {
     diagonal.diagonal() *= 1.0 + damping_;
     anchored_[node] = 0.0;
   }
+  // A point's orientation: nothing measures it, nothing couples to it, it stays where it is.
+  if (graph_.node(node).point && (everything_ || !pool_.has(node)))
+    diagonal.diagonal().template tail<kDim - Space::kPoint>().array() += 1.0;
   diagonal.diagonal().array() += graph_.node(node).anchor - anchored_[node];
   anchored_[node] = graph_.node(node).anchor;
   subtract_new_columns(node);
+  if (graph_.node(node).retired) diagonal.setIdentity();  // nothing is left to be known of it
   for (int s = w.start; s < w.start + w.length; ++s) work_[pool_.slot(s).row].position = kNone;
   factorise_column(node);
 }

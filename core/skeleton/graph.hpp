@@ -15,6 +15,10 @@ namespace maplet {
 enum class FactorKind : std::uint8_t {
   kBetween,  ///< the relative pose of a and b
   kPrior,    ///< the pose of a; b is kNone
+  kRange,    ///< how far b is from a
+  kBearing,  ///< in which direction b is, seen from a
+  kRangeBearing,
+  kPosition,  ///< where b is in a's frame
 };
 
 /// Where a factor stands with the factorisation (docs/math/skeleton.md, section 3).
@@ -25,6 +29,7 @@ struct FactorState {
   bool in_job = false;      ///< part of the elimination under way
   bool queued = false;      ///< waits to be evaluated
   bool stale = false;       ///< found worth linearising anew
+  bool retired = false;     ///< to be freed: counts no more
 };
 
 /// A measurement between two nodes, and its last linearisation.
@@ -39,7 +44,7 @@ struct Factor {
   int a = -1;
   int b = -1;
   std::array<int, 2> next{-1, -1};            ///< next incidence of a, of b: 2 * factor + side
-  Pose z;                                     ///< the measured T_a_b
+  Pose z;                                     ///< the measured T_a_b; a sight as make_sight has it
   std::array<double, kPacked> information{};  ///< lower triangle, row by row
   double stiffness = 0.0;                     ///< largest information along one axis
   double weight = 1.0;                        ///< robust scale of the information, 0..1
@@ -69,8 +74,13 @@ struct Node {
   int first_incidence = -1;  ///< 2 * factor + side
   int group = -1;            ///< the group's gauge node
   double anchor = 0.0;       ///< information that holds a gauge node where it is
+  int priors = 0;            ///< of a gauge node: priors that hold the group, in its place
   int hung_from = -1;        ///< factor that placed it, until it is eliminated
+  std::int64_t arrival = 0;  ///< counts
   bool used = false;
+  bool keep = false;     ///< not to be taken out when room is wanted
+  bool retired = false;  ///< to be freed
+  bool point = false;    ///< a place without an orientation: only its position is estimated
 };
 
 template <class Space>

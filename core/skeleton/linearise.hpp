@@ -2,6 +2,7 @@
 #pragma once
 
 #include "core/skeleton/graph.hpp"
+#include "core/skeleton/measure.hpp"
 
 namespace maplet {
 
@@ -40,8 +41,8 @@ template <class Space>
 [[nodiscard]] HessianBlocks<Space> hessian(const Factor<Space>& f, const typename Space::Pose& rel,
                                            double weight) noexcept {
   typename Space::Block by_a, by_b;
-  const typename Space::Tangent e = Space::error(f.z, rel);
-  Space::jacobians(f.z, rel, e, by_a, by_b);
+  const typename Space::Tangent e = measure::error(f, rel);
+  measure::jacobians(f, rel, e, by_a, by_b);
   typename Space::Block info = unpack<Space>(f.information);
   info *= weight;
   HessianBlocks<Space> h;

@@ -64,13 +64,42 @@ class PoseGraph {
   /// @param weight  0: it is only remembered, until set_weight
   int add_between(int a, int b, const Pose& z, const Block& information,
                   double weight = 1.0) noexcept;
+  /// A point in a's group, at `at` in a's frame: a node whose position alone is estimated.
+  /// @pre !graph().nodes_full()
+  int add_point(int a, const Pose& at) noexcept;
+  /// A point that nothing is known about yet, on its own: connect() or FrameFinder place it.
+  int add_point() noexcept;
+  /// A range, bearing or position of b as a sees it (measure.hpp says how z and the information's
+  /// rows read). Between groups it waits, without effect, until something else joins them.
+  int add_sight(FactorKind kind, int a, int b, const Pose& z, const Block& information,
+                double weight = 1.0) noexcept;
+  /// Where a is in the world. A group with priors is held by them instead of by its gauge.
+  int add_prior(int a, const Pose& z, const Block& information, double weight = 1.0) noexcept;
+  /// Makes the groups of a and b one, the junior one moved so that T_a_b holds.
+  void connect(int a, int b, const Pose& T_a_b) noexcept;
   /// Scales a factor's information from now on; 0 switches it off. One that was off and joins two
-  /// groups does so now.
+  /// groups does so now; what it alone held together comes apart into two groups again.
   void set_weight(int factor, double weight) noexcept;
+
+  /// A factor, a node whose factors are retired, that counts no more and is to be freed.
+  void retire_factor(int factor) noexcept;
+  void retire_node(int node) noexcept;
+  /// Eliminates what waits and frees what is retired; factors first.
+  void free_retired_factors() noexcept;
+  void free_retired_nodes() noexcept;
+  /// Calls visit(index) for each factor freed since the last call. Some may have been taken anew.
+  template <class Visit>
+  void take_freed(Visit&& visit) noexcept {
+    for (int k = 0; k < freed_count_; ++k) visit(freed_[k]);
+    freed_count_ = 0;
+  }
 
   /// Anytime: eliminates what changed, then steps until nothing gains any more. After new input
   /// within the policy's shares; called again without any (idle), until it has converged.
   SolveReport update(Deadline deadline, int max_iterations = 100) noexcept;
+  /// Gauss-Newton steps, everything linearised anew, until none moves a node by more than `step`
+  /// (m, rad). @return whether it got there
+  bool polish(double step, int max_iterations = 20) noexcept;
   /// From scratch: Levenberg-Marquardt with everything linearised anew at each step.
   SolveReport optimise(Deadline deadline, int max_iterations = 100) noexcept;
 
@@ -98,7 +127,17 @@ class PoseGraph {
 
  private:
   void mark_dirty(int factor) noexcept;
+  [[nodiscard]] std::int64_t newest_arrival() const noexcept {
+    return newest_ == kNone ? -1 : graph_.node(newest_).arrival;
+  }
+  int add_factor(FactorKind kind, int a, int b, const Pose& z, const Block& information,
+                 double weight) noexcept;
   void link_in(int factor) noexcept;
+  void hold_by_prior(int factor) noexcept;
+  void release_prior(int factor) noexcept;
+  void hang(int node, int from, int factor) noexcept;
+  void split_if_apart(int a, int b) noexcept;
+  [[nodiscard]] int reach(int from) noexcept;
   void join_groups(int a, int b, const Pose& z) noexcept;
   void move_group(int gauge, int new_gauge, const Pose& by) noexcept;
   void appoint_gauge(int node) noexcept;
@@ -123,10 +162,20 @@ class PoseGraph {
   std::span<int> dirty_;  ///< factors that wait for elimination
   std::span<int> job_;    ///< factors of the job under way
   std::span<int> fresh_;  ///< nodes that are not eliminated yet, in order of arrival
+  std::span<int> retired_factors_;
+  std::span<int> retired_nodes_;
+  std::span<int> stack_;             ///< of a search
+  std::span<std::int64_t> reached_;  ///< by the search of this number
+  std::int64_t searches_ = 0;
+  std::span<int> freed_;  ///< factors, since they were last asked for
+  int retired_factor_count_ = 0;
+  int retired_node_count_ = 0;
+  int freed_count_ = 0;
   int dirty_count_ = 0;
   int job_count_ = 0;
   int fresh_count_ = 0;
-  int newest_ = kNone;
+  int newest_ = kNone;  ///< last come of the nodes with a factor
+  std::int64_t arrivals_ = 0;
   SolvePolicy policy_;
   double pending_ = 0.0;  ///< chi2 of factors that wait for elimination
   bool new_input_ = false;

@@ -2,6 +2,7 @@
 #include "core/skeleton/skeleton.hpp"
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <array>
 #include <bit>
 
@@ -16,7 +17,14 @@ constexpr std::array kTable = {
                           "Delta-poses the skeleton holds, of all agents"},
     Field<SkeletonConfig>{"blocks_per_node", &SkeletonConfig::blocks_per_node, 4, 1000,
                           "Blocks of the Cholesky factor for each node, on the average"},
+    Field<SkeletonConfig>{
+        "closure_sigmas", &SkeletonConfig::closure_sigmas, 1.0, 100.0,
+        "Standard deviations are taken this much larger when a closure is judged"},
+    Field<SkeletonConfig>{"condense", &SkeletonConfig::condense, 0, 1,
+                          "Take the least informative maplets out at the limits; else stop there"},
 };
+
+constexpr int kForwards = 2;  // maplets taken out that are remembered, a node
 
 // Information of a delta-pose. @return false when there is none
 bool invert(const Matrix6d& covariance, Matrix6d& information) noexcept {
@@ -27,61 +35,127 @@ bool invert(const Matrix6d& covariance, Matrix6d& information) noexcept {
   return information.allFinite();
 }
 
+// A record's content in one number. Numbers of a set add up to the same in whatever order.
+std::uint64_t digest_of(const DeltaPose& d) noexcept {
+  std::uint64_t h = 0;
+  const auto mix = [&](std::uint64_t v) { h = hash_of(h ^ (v + 0x9E3779B97F4A7C15u)); };
+  const auto real = [&](double v) { mix(std::bit_cast<std::uint64_t>(v)); };
+  for (const MapletKey& k : {d.a, d.b}) mix(hash_of(k));
+  mix(static_cast<std::uint64_t>(d.kind));
+  for (const Stamp& s : {d.stamp_a, d.stamp_b}) mix(static_cast<std::uint64_t>(s.count()));
+  for (int i = 0; i < 3; ++i) real(d.T_a_b.se3.t[i]);
+  for (int i = 0; i < 4; ++i) real(d.T_a_b.se3.q.coeffs()[i]);
+  for (int r = 0; r < 6; ++r)
+    for (int c = 0; c <= r; ++c) real(d.covariance(r, c));
+  return h;
+}
+
 }  // namespace
+
+std::uint64_t hash_of(const MapletKey& key) noexcept {
+  return hash_of(((std::uint64_t{key.epoch} << 32) | key.id) ^
+                 (std::uint64_t{key.agent} * 0x9E3779B97F4A7C15u));
+}
 
 const std::span<const Field<SkeletonConfig>> SkeletonConfig::kFields{kTable};
 
 Skeleton::Skeleton(const SkeletonConfig& config, Arena& arena)
-    : solver_{{config.max_nodes, config.max_factors, config.max_nodes * config.blocks_per_node},
+    : config_{config},
+      solver_{{config.max_nodes, config.max_factors, config.max_nodes * config.blocks_per_node},
               arena},
+      judge_{solver_, arena, {.inflation = config.closure_sigmas, .wants_support = false}},
+      finder_{solver_, arena},
+      condenser_{solver_, judge_.marginals(), arena},
+      forwarding_{config.condense ? kForwards * config.max_nodes : 0, arena},
+      paths_{config.max_nodes, arena},
+      chains_{config.max_nodes, arena},
+      sets_{solver_.graph(), chains_, kMostCompared, arena},
       keys_{arena.make_array<MapletKey>(config.max_nodes, "skeleton/keys")},
       provenance_{arena.make_array<Provenance>(config.max_factors, "skeleton/keys")},
       table_{arena.make_array<int>(std::bit_ceil(2 * static_cast<std::size_t>(config.max_nodes)),
-                                   "skeleton/keys")} {}
+                                   "skeleton/keys")},
+      nodes_{arena.make_array<int>(config.max_nodes, "skeleton/keys")},
+      factors_{arena.make_array<int>(config.max_factors, "skeleton/keys")},
+      order_{
+          arena.make_array<int>(std::max(config.max_factors, config.max_nodes), "skeleton/keys")},
+      placed_{arena.make_array<bool>(config.max_nodes, "skeleton/keys")},
+      late_{arena.make_array<bool>(config.max_factors, "skeleton/keys")} {}
 
-std::size_t Skeleton::bucket(const MapletKey& key) const noexcept {
-  std::uint64_t h = (std::uint64_t{key.epoch} << 32) | key.id;
-  h ^= std::uint64_t{key.agent} * 0x9E3779B97F4A7C15u;
-  h = (h ^ (h >> 30)) * 0xBF58476D1CE4E5B9u;  // splitmix64
-  h = (h ^ (h >> 27)) * 0x94D049BB133111EBu;
-  return static_cast<std::size_t>(h ^ (h >> 31)) & (table_.size() - 1);
+std::size_t Skeleton::bucket(const MapletKey& key, bool point) const noexcept {
+  return static_cast<std::size_t>(hash_of(hash_of(key) + (point ? 1 : 0))) & (table_.size() - 1);
 }
 
-int Skeleton::find(const MapletKey& key) const noexcept {
-  for (std::size_t i = bucket(key);; i = (i + 1) & (table_.size() - 1)) {
+int Skeleton::find(const MapletKey& key, bool point) const noexcept {
+  for (std::size_t i = bucket(key, point);; i = (i + 1) & (table_.size() - 1)) {
     if (table_[i] == 0) return -1;
-    if (keys_[table_[i] - 1] == key) return table_[i] - 1;
+    const int node = table_[i] - 1;
+    if (keys_[node] == key && solver_.graph().node(node).point == point) return node;
   }
+}
+
+void Skeleton::enter(const MapletKey& key, int node) noexcept {
+  std::size_t i = bucket(key, solver_.graph().node(node).point);
+  while (table_[i] != 0) i = (i + 1) & (table_.size() - 1);
+  table_[i] = node + 1;
 }
 
 int Skeleton::insert(const MapletKey& key, const Se3& pose) noexcept {
   const int node = solver_.add_node(pose, {(std::uint64_t{key.agent} << 32) | key.epoch, key.id});
   keys_[node] = key;
-  std::size_t i = bucket(key);
-  while (table_[i] != 0) i = (i + 1) & (table_.size() - 1);
-  table_[i] = node + 1;
-  ++node_count_;
+  enter(key, node);
+  nodes_[node_count_++] = node;
+  keep_newest(node);
   return node;
+}
+
+// Room is not made at the newest maplet of an agent: its next delta-pose begins there.
+void Skeleton::keep_newest(int node) noexcept {
+  solver_.graph().node(node).keep = true;
+  for (int& other : newest_) {
+    if (keys_[other].agent != keys_[node].agent || keys_[other].epoch != keys_[node].epoch)
+      continue;
+    const bool later = keys_[other].id < keys_[node].id;
+    solver_.graph().node(later ? other : node).keep = false;
+    if (later) other = node;
+    return;
+  }
+  if (!full(newest_)) newest_.push_back(node);
 }
 
 bool Skeleton::known(const DeltaPose& delta, int a, int b) const noexcept {
   bool found = false;
   solver_.graph().for_each_incident(a, [&](int index, int other) {
     const Provenance& p = provenance_[index];
-    found |= other == b && solver_.graph().factor(index).a == a && p.kind == delta.kind &&
-             p.stamp_a == delta.stamp_a && p.stamp_b == delta.stamp_b;
+    found |= other == b && solver_.graph().factor(index).a == a && p.record &&
+             p.kind == delta.kind && p.stamp_a == delta.stamp_a && p.stamp_b == delta.stamp_b;
   });
   return found;
 }
 
 Added Skeleton::add(const MapletKey& key) noexcept {
   if (find(key) >= 0) return Added::kDuplicate;
-  if (solver_.graph().nodes_full()) {
+  if (!make_room(1, 0)) {
     ++counters_.nodes_full;
     return Added::kNodesFull;
   }
   insert(key, Se3{});
+  hear_waiting();
+  canonical_ = false;
   return Added::kLinked;
+}
+
+// The node that stands for a maplet: itself, or the one that it was contracted into.
+bool Skeleton::place(const MapletKey& key, Place& out) noexcept {
+  MapletKey hub;
+  const auto stands = [&](const MapletKey& k) { return find(k) >= 0; };
+  if (!forwarding_.resolve(key, stands, hub, out.from_node)) return false;
+  out.node = find(hub);
+  return true;
+}
+
+void Skeleton::take_factor(int factor, const Provenance& provenance) noexcept {
+  provenance_[factor] = provenance;
+  factors_[factor_count_++] = factor;
 }
 
 Added Skeleton::add(const DeltaPose& delta, Deadline deadline) noexcept {
@@ -97,27 +171,51 @@ Added Skeleton::add(const DeltaPose& delta, Deadline deadline) noexcept {
     ++counters_.duplicates;
     return Added::kDuplicate;
   }
-  if (solver_.graph().factors_full()) {
-    ++counters_.factors_full;
-    return Added::kFactorsFull;
+  const int nodes = (a < 0 ? 1 : 0) + (b < 0 ? 1 : 0);
+  if (!make_room(nodes, 1)) {
+    const bool full = solver_.graph().node_count() + nodes > solver_.graph().max_nodes();
+    ++(full ? counters_.nodes_full : counters_.factors_full);
+    return full ? Added::kNodesFull : Added::kFactorsFull;
   }
-  if (node_count_ + (a < 0 ? 1 : 0) + (b < 0 ? 1 : 0) > solver_.graph().max_nodes()) {
-    ++counters_.nodes_full;
-    return Added::kNodesFull;
+  Relation<SpatialSpace> z{delta.T_a_b.se3, delta.covariance};
+  z.T.q.normalize();
+  // Making room may have taken them out; others may have gone long ago.
+  Place at_a{}, at_b{};
+  const bool has_a = place(delta.a, at_a);
+  const bool has_b = place(delta.b, at_b);
+  if ((!has_a && forwarding_.find(delta.a) != nullptr) ||
+      (!has_b && forwarding_.find(delta.b) != nullptr) ||
+      (has_a && has_b && at_a.node == at_b.node)) {
+    ++counters_.gone;
+    return Added::kGone;
   }
-  if (a >= 0 && b >= 0 && solver_.group(a) != solver_.group(b)) ++counters_.joined_groups;
-  Se3 z = delta.T_a_b.se3;
-  z.q.normalize();
-  if (a < 0) a = insert(delta.a, Se3{});
-  if (b < 0) b = insert(delta.b, Se3{});
-  const int factor = solver_.add_between(a, b, z, information);
-  provenance_[factor] = {delta.kind, delta.stamp_a, delta.stamp_b};
-  ++factor_count_;
+  if (has_a && keys_[at_a.node] != delta.a) z = at_a.from_node.then(z);
+  if (has_b && keys_[at_b.node] != delta.b) z = z.then(at_b.from_node.inverse());
+  if (!invert(z.covariance, information)) {
+    ++counters_.bad_measurements;
+    return Added::kBadMeasurement;
+  }
+  a = has_a ? at_a.node : insert(delta.a, Se3{});
+  b = has_b ? at_b.node : insert(delta.b, Se3{});
+  if (has_a && has_b && solver_.group(a) != solver_.group(b)) ++counters_.joined_groups;
+  const bool closure = delta.kind == DeltaPose::Kind::kClosure;
+  const int factor = solver_.add_between(a, b, z.T, information, closure ? 0.0 : 1.0);
+  take_factor(factor, {delta.kind, true, delta.stamp_a, delta.stamp_b});
+  digest_ += digest_of(delta);
+  canonical_ = false;
+  if (closure) {
+    solver_.flush();
+    judge_.consider(factor);
+  } else {
+    chains_.append(a, b, z);
+  }
+  hear_waiting();
   report_ = solver_.update(deadline);
   return Added::kLinked;
 }
 
 SolveReport Skeleton::update(Deadline deadline) noexcept {
+  if (!finder_.idle()) (void)finder_.work(deadline);
   return report_ = solver_.update(deadline);
 }
 
@@ -126,30 +224,81 @@ const Se3* Skeleton::pose(const MapletKey& key) const noexcept {
   return node < 0 ? nullptr : &solver_.graph().node(node).pose;
 }
 
+const Se3* Skeleton::point(const MapletKey& key) const noexcept {
+  const int node = find(key, true);
+  return node < 0 || solver_.group(node) == node ? nullptr : &solver_.graph().node(node).pose;
+}
+
 MapletKey Skeleton::gauge(const MapletKey& key) const noexcept {
   return keys_[solver_.group(find(key))];
 }
 
+bool Skeleton::covariance(const MapletKey& a, const MapletKey& b, Matrix6d& out) noexcept {
+  const int from = find(a);
+  const int to = find(b);
+  if (from < 0 || to < 0 || from == to || solver_.group(from) != solver_.group(to)) return false;
+  solver_.flush();
+  if (!judge_.marginals().known(from, to)) return false;
+  out = judge_.marginals().of(from, to);
+  return true;
+}
+
 Skeleton::NodeView Skeleton::node(int index) const noexcept {
-  return {keys_[index], keys_[solver_.group(index)], solver_.graph().node(index).pose};
+  const int node = nodes_[index];
+  return {keys_[node], keys_[solver_.group(node)], solver_.graph().node(node).pose};
 }
 
 Skeleton::FactorView Skeleton::factor(int index) const noexcept {
-  const Factor<SpatialSpace>& f = solver_.graph().factor(index);
-  return {provenance_[index].kind,
+  const int factor = factors_[index];
+  const Factor<SpatialSpace>& f = solver_.graph().factor(factor);
+  const Provenance& p = provenance_[factor];
+  return {p.kind,
           keys_[f.a],
           keys_[f.b],
+          p.stamp_a,
+          p.stamp_b,
           f.z,
           unpack<SpatialSpace>(f.information),
           f.e,
           f.chi2,
-          f.weight};
+          f.state.active ? f.weight : 0.0,
+          judge_.state(factor)};
+}
+
+int Skeleton::decide(const MapletKey& a, const MapletKey& b, bool accept,
+                     Deadline deadline) noexcept {
+  int count = 0;
+  for (int k = 0; k < factor_count_; ++k) {
+    const FactorView f = factor(k);
+    const bool same = (f.a == a && f.b == b) || (f.a == b && f.b == a);
+    if (!same || f.kind != DeltaPose::Kind::kClosure) continue;
+    judge_.force(factors_[k], accept);
+    ++count;
+  }
+  if (count > 0) {
+    canonical_ = false;
+    report_ = solver_.update(deadline);
+  }
+  return count;
+}
+
+Skeleton::Way Skeleton::way(const MapletKey& from, const MapletKey& to,
+                            std::span<MapletKey> maplets) noexcept {
+  const int first = find(from);
+  const int last = find(to);
+  if (first < 0 || last < 0) return {};
+  const auto path = paths_.shortest(solver_.graph(), first, last,
+                                    order_.first(std::min(order_.size(), maplets.size())));
+  for (int k = 0; k < path.count; ++k) maplets[k] = keys_[order_[k]];
+  return {path.count, path.length_m};
 }
 
 SkeletonCounters Skeleton::counters() const noexcept {
   SkeletonCounters out = counters_;
   out.damped_pivots = solver_.elimination().damped_pivots();
   out.overflows = solver_.overflows();
+  out.condensed = condenser_.nodes_gone();
+  out.dropped = condenser_.factors_dropped();
   return out;
 }
 

@@ -25,6 +25,7 @@ struct Se2 {
 /// Math   docs/math/skeleton.md, eq. 2-5.
 struct PlanarSpace {
   static constexpr int kDim = 3;
+  static constexpr int kPoint = 2;  ///< coordinates of a point; the first of a tangent
   using Pose = Se2;
   using Tangent = Eigen::Matrix<double, 3, 1>;
   using Block = Eigen::Matrix<double, 3, 3>;
@@ -51,6 +52,7 @@ struct PlanarSpace {
 /// As PlanarSpace, with the full logarithm of SE(3) as error.
 struct SpatialSpace {
   static constexpr int kDim = 6;
+  static constexpr int kPoint = 3;
   using Pose = Se3;
   using Tangent = Vector6d;
   using Block = Matrix6d;

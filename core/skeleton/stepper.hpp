@@ -1,6 +1,7 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <span>
 
@@ -55,6 +56,12 @@ class Stepper {
   /// The objective changed (factors, weights, groups): lows so far do not compare with what
   /// follows.
   void forget_step() noexcept;
+  /// A node is taken out. @pre nothing waits for evaluation, no step is under way
+  void forget_node(int node) noexcept {
+    const bool seed = state_[node].seed;  // it is in the list
+    state_[node] = {};
+    state_[node].seed = seed;
+  }
   /// Evaluates the factors that the last step moved. @return false when the allowance is spent
   bool catch_up(Allowance& allowance) noexcept;
   /// To call before the objective changes: leaves no step behind that has made things worse.
@@ -70,6 +77,13 @@ class Stepper {
   [[nodiscard]] Result step(Allowance& allowance, double tolerance) noexcept;
   /// A whole step without guard and pruning. @return its predicted gain
   double full_step() noexcept;
+  /// The largest of the last step's entries, m or rad.
+  [[nodiscard]] double largest_step() const noexcept {
+    double most = 0.0;
+    for (int k = 0; k < moved_count_; ++k)
+      most = std::max(most, state_[moved_[k]].step.cwiseAbs().maxCoeff());
+    return most;
+  }
   /// Undoes the last full step.
   void restore() noexcept { back_to_reference(); }
   /// In the middle of a step: the elimination must stay as it is.

@@ -25,14 +25,14 @@ double Stepper<Space>::evaluate(int factor) noexcept {
   if (!f.state.active || !f.state.integrated) return 0.0;
   const auto rel = relative_pose(graph_, f);
   const Tangent before = f.e;
-  f.e = Space::error(f.z, rel);
+  f.e = measure::error(f, rel);
   const Tangent v = weigh(f, f.e);
   const double old = f.counted;
   f.chi2 = f.e.dot(v);
   f.counted = f.weight * f.chi2;
   chi2_ += f.counted - old;
   Tangent by_a, by_b;
-  Space::pull_back(f.z, rel, f.e, -f.weight * v, by_a, by_b);
+  measure::pull_back(f, rel, f.e, (-f.weight * v).eval(), by_a, by_b);
   if (f.kind == FactorKind::kPrior) by_a = by_b;
   add_gradient(f.a, by_a - f.gradient_a);
   f.gradient_a = by_a;
@@ -83,7 +83,7 @@ void Stepper<Space>::note_staleness(int factor, const typename Space::Pose& rel,
   // Cheap and generous first: most factors move rigidly.
   if (stale * stale * f.weight * f.stiffness * change.squaredNorm() < stale_above_) return;
   typename Space::Block by_a, by_b;
-  Space::jacobians(f.z, f.rel_lin, Space::error(f.z, f.rel_lin), by_a, by_b);
+  measure::jacobians(f, f.rel_lin, measure::error(f, f.rel_lin), by_a, by_b);
   Tangent missed = change;
   if (state_[f.a].aimed == stamp_) missed -= by_a * state_[f.a].step;
   if (state_[f.b].aimed == stamp_) missed -= by_b * state_[f.b].step;
@@ -216,8 +216,8 @@ double Stepper<Space>::curvature() noexcept {
     const Tangent& a = along(f.a);
     const Tangent change =
         f.kind == FactorKind::kPrior
-            ? Space::push_forward(f.z, relative_pose(graph_, f), f.e, zero, a)
-            : Space::push_forward(f.z, relative_pose(graph_, f), f.e, a, along(f.b));
+            ? measure::push_forward(f, relative_pose(graph_, f), f.e, zero, a)
+            : measure::push_forward(f, relative_pose(graph_, f), f.e, a, along(f.b));
     sum += f.weight * change.dot(weigh(f, change));
   }
   return sum;

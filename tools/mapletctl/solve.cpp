@@ -48,13 +48,14 @@ void write_trace(const std::string& path, const graphs::SolveOutcome& outcome) {
 [[nodiscard]] graphs::GraphFile read(const Options& options) {
   graphs::GraphFile graph;
   int file = 0;
-  for (const std::string& path : options.inputs) graphs::read_g2o_file(path, file++, graph);
+  for (const std::string& path : options.inputs) graphs::read_graph(path, file++, graph);
   for (const auto& c : graph.complaints)
     fmt::print(stderr, "mapletctl: {}:{}: {}; left out\n", options.inputs[c.file], c.line, c.what);
   if (graph.planar && graph.spatial)
     throw Failure{options.inputs[0] + ": SE2 and SE3 in one graph; solve them apart"};
   if (graph.edges.empty())
-    throw Failure{options.inputs[0] + ": no edge in it; is it g2o (EDGE_SE2, EDGE_SE3:QUAT)?"};
+    throw Failure{options.inputs[0] +
+                  ": no edge in it; is it g2o (EDGE_SE2, EDGE_SE3:QUAT), pyfg or MRCLAM?"};
   return graph;
 }
 
@@ -62,8 +63,8 @@ void run(Options options) {
   if (options.budget_us > 0.0) options.solve.budget_us = options.budget_us;
   if (options.incremental && options.solve.batch)
     throw Failure{"--incremental and --batch exclude each other", 2};
-  if (options.solve.max_nodes > 0)
-    throw Failure{"--max-nodes is not built yet; solve without it", 2};
+  if (options.solve.max_nodes > 0 && options.solve.batch)
+    throw Failure{"--max-nodes keeps a graph small as it grows; leave --batch out", 2};
   if (options.solve.robust && options.solve.batch)
     throw Failure{"--robust decides as poses come; leave --batch out", 2};
   const graphs::GraphFile graph = read(options);
@@ -76,25 +77,35 @@ void run(Options options) {
   }
   Json rejected = Json::array();
   for (const auto& e : outcome.rejected) rejected.push_back({e.a, e.b, e.line});
-  const Json line{{"chi2", outcome.chi2},
-                  {"f_log", outcome.f_log},
-                  {"steps", outcome.steps.size()},
-                  {"total_ms", outcome.total_ms},
-                  {"step_us", quantiles(outcome.steps, &graphs::StepTrace::wall_us)},
-                  {"step_cpu_us", quantiles(outcome.steps, &graphs::StepTrace::cpu_us)},
-                  {"arena_bytes", outcome.arena_bytes},
-                  {"heap_allocations", outcome.heap_allocations},
-                  {"accepted", outcome.accepted},
-                  {"rejected", outcome.rejected.size()},
-                  {"rejected_edges", rejected},
-                  {"nodes", outcome.solution.vertices.size()},
-                  {"groups", outcome.groups},
-                  {"bad_lines", graph.bad_lines},
-                  {"unknown_lines", graph.unknown_lines},
-                  {"bad_edges", outcome.bad_edges},
-                  {"damped_pivots", outcome.damped_pivots},
-                  {"overflows", outcome.overflows},
-                  {"factor_blocks", outcome.live_blocks}};
+  Json line{{"chi2", outcome.chi2},
+            {"f_log", outcome.f_log},
+            {"steps", outcome.steps.size()},
+            {"total_ms", outcome.total_ms},
+            {"step_us", quantiles(outcome.steps, &graphs::StepTrace::wall_us)},
+            {"step_cpu_us", quantiles(outcome.steps, &graphs::StepTrace::cpu_us)},
+            {"arena_bytes", outcome.arena_bytes},
+            {"heap_allocations", outcome.heap_allocations},
+            {"accepted", outcome.accepted},
+            {"rejected", outcome.rejected.size()},
+            {"rejected_edges", rejected},
+            {"nodes", outcome.solution.vertices.size()},
+            {"groups", outcome.groups},
+            {"bad_lines", graph.bad_lines},
+            {"unknown_lines", graph.unknown_lines},
+            {"bad_edges", outcome.bad_edges},
+            {"lost_edges", outcome.lost_edges},
+            {"contracted", outcome.contracted},
+            {"dropped_factors", outcome.dropped_factors},
+            {"damped_pivots", outcome.damped_pivots},
+            {"overflows", outcome.overflows},
+            {"factor_blocks", outcome.live_blocks}};
+  if (const auto& accuracy = outcome.accuracy) {
+    line["ate_rms_m"] = accuracy->ate_rms_m;
+    line["odometry_ate_rms_m"] = accuracy->odometry_ate_rms_m;
+    line["poses_with_truth"] = accuracy->poses;
+    line["points_rms_m"] = accuracy->points_rms_m;
+    line["points_with_truth"] = accuracy->points;
+  }
   fmt::print("{}\n", line.dump());
 }
 
@@ -104,9 +115,10 @@ void add_solve(CLI::App& app) {
   auto options = std::make_shared<Options>();
   CLI::App* c = app.add_subcommand(
       "solve", "Solves pose graphs with the skeleton's engine; the last line is JSON");
-  c->add_option("INPUT", options->inputs, "g2o files; several are several agents of one graph")
+  c->add_option("INPUT", options->inputs,
+                "g2o or .pyfg files, several are several agents of one graph; or an MRCLAM folder")
       ->required()
-      ->type_name("FILE");
+      ->type_name("FILE|DIR");
   c->add_flag("--incremental", options->incremental,
               "A pose at a time with its edges, in time order (the default)");
   c->add_flag("--batch", options->solve.batch, "All at once, from the file's own vertices");

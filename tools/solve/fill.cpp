@@ -1,7 +1,9 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #include "tools/solve/fill.hpp"
 
+#include <algorithm>
 #include <numeric>
+#include <unordered_map>
 #include <vector>
 
 #include "core/skeleton/ordering.hpp"
@@ -36,6 +38,37 @@ int factor_blocks(int nodes, std::span<const std::pair<int, int>> edges) {
     }
     if (ordering.remaining() == 0) return used;
   }
+}
+
+namespace {
+
+int blocks_wanted(const GraphFile& file, std::span<const Item> items) {
+  std::unordered_map<std::uint64_t, int> index;
+  std::vector<std::pair<int, int>> pairs;
+  const auto of = [&](std::uint64_t id) {
+    return index.try_emplace(id, static_cast<int>(index.size())).first->second;
+  };
+  for (const Item& item : items)
+    pairs.emplace_back(of(file.edges[item.edge].a), of(file.edges[item.edge].b));
+  const int fill = factor_blocks(static_cast<int>(index.size()), pairs);
+  return 2 * fill + fill / 4 + 1024;
+}
+
+}  // namespace
+
+PoseGraphLimits limits_for(const GraphFile& file, std::span<const Item> items, std::size_t nodes,
+                           int max_nodes) {
+  const int all = std::max<int>(2, static_cast<int>(nodes));
+  const int factors = std::max<int>(1, static_cast<int>(items.size()));
+  if (max_nodes == 0 || max_nodes >= all) return {all, factors, blocks_wanted(file, items)};
+  PoseGraphLimits limits;
+  limits.max_nodes = std::max(16, max_nodes);
+  // The file's own share of factors, and what a batch of contractions needs for a while.
+  const double share = std::max(1.2, static_cast<double>(factors) / all);
+  limits.max_factors = static_cast<int>(1.5 * share * limits.max_nodes) + 64;
+  limits.max_blocks =
+      std::min(limits.max_nodes * (limits.max_nodes + 1), 24 * limits.max_nodes + 1024);
+  return limits;
 }
 
 }  // namespace maplet::graphs

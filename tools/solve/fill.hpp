@@ -4,10 +4,18 @@
 #include <span>
 #include <utility>
 
+#include "core/skeleton/pose_graph.hpp"
+#include "tools/solve/order.hpp"
+
 namespace maplet::graphs {
 
 /// Blocks of the Cholesky factor of a graph with these edges, ordered by approximate minimum
 /// degree: what the solver's pool is sized by when all of the graph is known beforehand.
 [[nodiscard]] int factor_blocks(int nodes, std::span<const std::pair<int, int>> edges);
+
+/// What the engine needs for a file: room for all of it, the old factor and the new one with some
+/// fill to spare; or, with max_nodes > 0, for that many and their share of the factors.
+[[nodiscard]] PoseGraphLimits limits_for(const GraphFile& file, std::span<const Item> items,
+                                         std::size_t nodes, int max_nodes);
 
 }  // namespace maplet::graphs

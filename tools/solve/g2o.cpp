@@ -1,52 +1,97 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #include <fmt/core.h>
 
-#include <charconv>
 #include <cmath>
-#include <fstream>
-#include <iterator>
 #include <ostream>
-#include <stdexcept>
 
-#include "tools/solve/graph_file.hpp"
+#include "tools/solve/words.hpp"
 
 namespace maplet::graphs {
 namespace {
 
-constexpr std::array<int, 3> kPlanar{0, 1, 5};  // x, y, theta among x y z rx ry rz
-
-/// The words of one line.
-class Words {
- public:
-  explicit Words(std::string_view line) : rest_{line} {}
-
-  [[nodiscard]] std::string_view next() {
-    const auto from = rest_.find_first_not_of(" \t\r");
-    if (from == std::string_view::npos) return rest_ = {};
-    rest_.remove_prefix(from);
-    const auto to = std::min(rest_.find_first_of(" \t\r"), rest_.size());
-    const auto word = rest_.substr(0, to);
-    rest_.remove_prefix(to);
-    return word;
-  }
-  template <class T>
-  [[nodiscard]] bool read(T& value) {
-    std::string_view word = next();
-    if (!word.empty() && word.front() == '+') word.remove_prefix(1);
-    const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
-    return error == std::errc{} && end == word.data() + word.size() && !word.empty();
-  }
-
- private:
-  std::string_view rest_;
+struct Tag {
+  std::string_view name;
+  bool planar;
+  bool vertex;
+  FactorKind kind;  ///< of an edge; a vertex's kPosition: a point
 };
+constexpr std::array kTags{
+    Tag{"VERTEX_SE2", true, true, FactorKind::kBetween},
+    Tag{"VERTEX_SE3:QUAT", false, true, FactorKind::kBetween},
+    Tag{"VERTEX_XY", true, true, FactorKind::kPosition},
+    Tag{"EDGE_SE2", true, false, FactorKind::kBetween},
+    Tag{"EDGE_SE3:QUAT", false, false, FactorKind::kBetween},
+    Tag{"EDGE_SE2_XY", true, false, FactorKind::kPosition},
+    Tag{"EDGE_RANGE_SE2_XY", true, false, FactorKind::kRange},
+    Tag{"EDGE_BEARING_SE2_XY", true, false, FactorKind::kBearing},
+};
+
+const char* read_between(Words& words, bool planar, Edge& edge) {
+  if (const char* wrong = read_pose(words, planar, edge.z)) return wrong;
+  if (!planar) return words.symmetric(edge.information, 6);
+  Eigen::Matrix3d small;
+  if (const char* wrong = words.symmetric(small, 3)) return wrong;
+  for (int r = 0; r < 3; ++r)
+    for (int c = 0; c < 3; ++c) edge.information(kPlanar[r], kPlanar[c]) = small(r, c);
+  return nullptr;
+}
+
+const char* read_sight(Words& words, Edge& edge) {
+  const char* wrong = nullptr;
+  if (edge.kind == FactorKind::kPosition) {
+    if ((wrong = words.numbers(edge.z.t.data(), 2)) != nullptr) return wrong;
+    return words.symmetric(edge.information, 2);
+  }
+  const bool range = edge.kind == FactorKind::kRange;
+  if ((wrong = words.numbers(range ? &edge.range_m : &edge.bearing_rad, 1)) != nullptr)
+    return wrong;
+  if (range && edge.range_m < 0.0) return "the range is negative";
+  const int row = range ? 0 : 1;
+  return words.numbers(&edge.information(row, row), 1);
+}
+
+const char* read_vertex(Words& words, const Tag& tag, GraphFile& graph) {
+  Vertex vertex;
+  if (!words.read(vertex.id)) return "the vertex's number is malformed";
+  const bool point = tag.kind == FactorKind::kPosition;
+  const char* wrong =
+      point ? words.numbers(vertex.pose.t.data(), 2) : read_pose(words, tag.planar, vertex.pose);
+  if (wrong != nullptr) return wrong;
+  if (point) graph.points.insert(vertex.id);
+  graph.vertices.push_back(vertex);
+  return nullptr;
+}
+
+const char* read_line(std::string_view line, GraphFile& graph, Edge& edge) {
+  Words words{line};
+  const std::string_view name = words.next();
+  if (name.empty() || name.front() == '#') return nullptr;
+  const auto* tag =
+      std::find_if(kTags.begin(), kTags.end(), [&](const Tag& t) { return t.name == name; });
+  if (tag == kTags.end()) {
+    ++graph.unknown_lines;
+    return nullptr;
+  }
+  const char* wrong = nullptr;
+  if (tag->vertex) {
+    wrong = read_vertex(words, *tag, graph);
+  } else {
+    edge.kind = tag->kind;
+    if (!words.read(edge.a) || !words.read(edge.b)) return "a vertex's number is malformed";
+    const bool between = edge.kind == FactorKind::kBetween;
+    wrong = between ? read_between(words, tag->planar, edge) : read_sight(words, edge);
+    if (wrong == nullptr) graph.edges.push_back(edge);
+    if (wrong == nullptr && !between) graph.points.insert(edge.b);
+  }
+  if (wrong == nullptr) (tag->planar ? graph.planar : graph.spatial) = true;
+  return wrong;
+}
+
+}  // namespace
 
 const char* read_pose(Words& words, bool planar, Se3& pose) {
   std::array<double, 7> v{};
-  for (int i = 0; i < (planar ? 3 : 7); ++i) {
-    if (!words.read(v[i])) return "a number is missing or malformed";
-    if (!std::isfinite(v[i])) return "a number is not finite";
-  }
+  if (const char* wrong = words.numbers(v.data(), planar ? 3 : 7)) return wrong;
   if (planar) {
     pose.t = {v[0], v[1], 0.0};
     pose.q = Eigen::Quaterniond{std::cos(0.5 * v[2]), 0.0, 0.0, std::sin(0.5 * v[2])};
@@ -60,93 +105,81 @@ const char* read_pose(Words& words, bool planar, Se3& pose) {
   return nullptr;
 }
 
-const char* read_information(Words& words, bool planar, Matrix6d& information) {
-  information.setZero();
-  const int n = planar ? 3 : 6;
-  for (int r = 0; r < n; ++r) {
-    for (int c = r; c < n; ++c) {
-      double v = 0.0;
-      if (!words.read(v)) return "a number is missing or malformed";
-      if (!std::isfinite(v)) return "a number is not finite";
-      const int i = planar ? kPlanar[r] : r;
-      const int j = planar ? kPlanar[c] : c;
-      information(i, j) = information(j, i) = v;
-    }
-  }
-  return nullptr;
+void complain(GraphFile& graph, int file, int line, const char* what) {
+  ++graph.bad_lines;
+  if (graph.complaints.size() < GraphFile::kMaxComplaints)
+    graph.complaints.push_back({file, line, what});
 }
 
-const char* read_line(std::string_view line, GraphFile& graph, Edge& edge) {
-  Words words{line};
-  const std::string_view tag = words.next();
-  if (tag.empty() || tag.front() == '#') return nullptr;
-  const bool planar = tag == "VERTEX_SE2" || tag == "EDGE_SE2";
-  const bool spatial = tag == "VERTEX_SE3:QUAT" || tag == "EDGE_SE3:QUAT";
-  if (!planar && !spatial) {
-    ++graph.unknown_lines;
-    return nullptr;
+void read_g2o(std::string_view text, int file, GraphFile& graph) {
+  for (int line = 1; !text.empty(); ++line) {
+    Edge edge;
+    edge.file = file;
+    edge.line = line;
+    if (const char* wrong = read_line(take_line(text), graph, edge))
+      complain(graph, file, line, wrong);
   }
-  const char* wrong = nullptr;
-  if (tag.front() == 'V') {
-    Vertex vertex;
-    if (!words.read(vertex.id)) return "the vertex's number is malformed";
-    if ((wrong = read_pose(words, planar, vertex.pose)) != nullptr) return wrong;
-    graph.vertices.push_back(vertex);
+}
+
+namespace {
+
+std::string numbers_of(const Edge& e, bool planar) {
+  std::string out;
+  const auto add = [&](double v) { out += fmt::format(" {}", v); };
+  const auto triangle = [&](int n, auto&& at) {
+    for (int r = 0; r < n; ++r)
+      for (int c = r; c < n; ++c) add(at(r, c));
+  };
+  if (e.kind == FactorKind::kPosition) {
+    const int n = planar ? 2 : 3;
+    for (int i = 0; i < n; ++i) add(e.z.t[i]);
+    triangle(n, [&](int r, int c) { return e.information(r, c); });
+  } else if (planar) {
+    triangle(3, [&](int r, int c) { return e.information(kPlanar[r], kPlanar[c]); });
   } else {
-    if (!words.read(edge.a) || !words.read(edge.b)) return "a vertex's number is malformed";
-    if ((wrong = read_pose(words, planar, edge.z)) != nullptr) return wrong;
-    if ((wrong = read_information(words, planar, edge.information)) != nullptr) return wrong;
-    graph.edges.push_back(edge);
+    triangle(6, [&](int r, int c) { return e.information(r, c); });
   }
-  (planar ? graph.planar : graph.spatial) = true;
-  return nullptr;
+  return out;
 }
 
 }  // namespace
 
-void read_g2o(std::string_view text, int file, GraphFile& graph) {
-  for (int line = 1; !text.empty(); ++line) {
-    const auto end = std::min(text.find('\n'), text.size());
-    Edge edge;
-    edge.file = file;
-    edge.line = line;
-    if (const char* wrong = read_line(text.substr(0, end), graph, edge)) {
-      ++graph.bad_lines;
-      if (graph.complaints.size() < GraphFile::kMaxComplaints)
-        graph.complaints.push_back({file, line, wrong});
-    }
-    text.remove_prefix(std::min(end + 1, text.size()));
-  }
-}
-
-void read_g2o_file(const std::string& path, int file, GraphFile& graph) {
-  std::ifstream in{path, std::ios::binary};
-  if (!in) throw std::runtime_error{path + ": cannot be opened"};
-  const std::string text{std::istreambuf_iterator<char>{in}, {}};
-  if (in.bad()) throw std::runtime_error{path + ": cannot be read"};
-  read_g2o(text, file, graph);
-}
-
 void write_g2o(std::ostream& out, const GraphFile& graph) {
+  const bool planar = graph.planar;
   const auto pose = [&](const Se3& p) {
-    if (graph.planar) {
+    if (planar)
       return fmt::format("{} {} {}", p.t.x(), p.t.y(), 2.0 * std::atan2(p.q.z(), p.q.w()));
-    }
     return fmt::format("{} {} {} {} {} {} {}", p.t.x(), p.t.y(), p.t.z(), p.q.x(), p.q.y(), p.q.z(),
                        p.q.w());
   };
-  const char* kind = graph.planar ? "SE2" : "SE3:QUAT";
-  for (const Vertex& v : graph.vertices)
-    out << "VERTEX_" << kind << ' ' << v.id << ' ' << pose(v.pose) << '\n';
-  const int n = graph.planar ? 3 : 6;
+  const char* kind = planar ? "SE2" : "SE3:QUAT";
+  for (const auto& [id, seconds] : graph.stamps_s)
+    out << fmt::format("# STAMP {} {}\n", id, seconds);
+  for (const Vertex& v : graph.vertices) {
+    if (!graph.points.contains(v.id)) {
+      out << "VERTEX_" << kind << ' ' << v.id << ' ' << pose(v.pose) << '\n';
+    } else if (planar) {
+      out << fmt::format("VERTEX_XY {} {} {}\n", v.id, v.pose.t.x(), v.pose.t.y());
+    } else {
+      out << fmt::format("VERTEX_TRACKXYZ {} {} {} {}\n", v.id, v.pose.t.x(), v.pose.t.y(),
+                         v.pose.t.z());
+    }
+  }
+  const char* from = planar ? "SE2_XY" : "SE3_XYZ";
   for (const Edge& e : graph.edges) {
-    out << "EDGE_" << kind << ' ' << e.a << ' ' << e.b << ' ' << pose(e.z);
-    for (int r = 0; r < n; ++r)
-      for (int c = r; c < n; ++c)
-        out << ' '
-            << fmt::format("{}", graph.planar ? e.information(kPlanar[r], kPlanar[c])
-                                              : e.information(r, c));
-    out << '\n';
+    if (e.kind == FactorKind::kPrior) continue;  // g2o has none
+    if (e.kind == FactorKind::kBetween) {
+      out << "EDGE_" << kind << ' ' << e.a << ' ' << e.b << ' ' << pose(e.z)
+          << numbers_of(e, planar) << '\n';
+    } else if (e.kind == FactorKind::kPosition) {
+      out << fmt::format("EDGE_{} {} {}{}\n", from, e.a, e.b, numbers_of(e, planar));
+    }
+    if (e.kind == FactorKind::kRange || e.kind == FactorKind::kRangeBearing)
+      out << fmt::format("EDGE_RANGE_{} {} {} {} {}\n", from, e.a, e.b, e.range_m,
+                         e.information(0, 0));
+    if (e.kind == FactorKind::kBearing || e.kind == FactorKind::kRangeBearing)
+      out << fmt::format("EDGE_BEARING_{} {} {} {} {}\n", from, e.a, e.b, e.bearing_rad,
+                         e.information(1, 1));
   }
 }
 

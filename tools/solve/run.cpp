@@ -3,18 +3,23 @@
 
 #include <time.h>
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <map>
 #include <unordered_map>
+#include <utility>
 
 #include "core/skeleton/closure_judge.hpp"
+#include "core/skeleton/closure_sets.hpp"
+#include "core/skeleton/frame_finder.hpp"
 #include "core/skeleton/linearise.hpp"
 #include "core/skeleton/pose_graph.hpp"
+#include "tools/solve/convert.hpp"
 #include "tools/solve/fill.hpp"
 #include "tools/solve/heap_count.hpp"
+#include "tools/solve/node_table.hpp"
+#include "tools/solve/order.hpp"
+#include "tools/solve/outcome.hpp"
 
 namespace maplet::graphs {
 namespace {
@@ -29,59 +34,40 @@ class ThreadCpuClock final : public Clock {
   }
 };
 
-constexpr std::array<int, 3> kPlanar{0, 1, 5};
-
-Se2 to_pose(const Se3& p, PlanarSpace) {
-  return Se2::from(p.t.x(), p.t.y(), 2.0 * std::atan2(p.q.z(), p.q.w()));
-}
-Se3 to_pose(const Se3& p, SpatialSpace) { return p; }
-Se3 from_pose(const Se2& p) {
-  const double half = 0.5 * p.angle();
-  return {Eigen::Quaterniond{std::cos(half), 0.0, 0.0, std::sin(half)}, {p.x, p.y, 0.0}};
-}
-Se3 from_pose(const Se3& p) { return p; }
-
-Eigen::Matrix3d to_block(const Matrix6d& m, PlanarSpace) {
-  Eigen::Matrix3d out;
-  for (int r = 0; r < 3; ++r)
-    for (int c = 0; c < 3; ++c) out(r, c) = m(kPlanar[r], kPlanar[c]);
-  return out;
-}
-Matrix6d to_block(const Matrix6d& m, SpatialSpace) { return m; }
-
-/// g2o's error: the quaternion's vector part in place of the logarithm.
-double chi2_g2o(const Factor<PlanarSpace>& f) { return f.chi2; }
-double chi2_g2o(const Factor<SpatialSpace>& f) {
-  Vector6d e;
-  const Se3 d = Se3::exp(f.e);
-  const double sign = d.q.w() < 0.0 ? -1.0 : 1.0;
-  e << d.t, sign * d.q.vec();
-  return e.dot(unpack<SpatialSpace>(f.information) * e);
-}
-
-/// Position in time: gtsam's keys carry the agent in the top byte, the rest counts.
-std::uint64_t moment(std::uint64_t id) { return id & ((std::uint64_t{1} << 56) - 1); }
-
 template <class Space>
 class Run {
   static constexpr int kMostIdleSteps = 20'000;
   static constexpr int kMostReviews = 30;
+  static constexpr int kMostSearches = 10'000;
   static constexpr int kLooksPerStep = 4;
+  static constexpr std::size_t kStepsPerDecision = 20;
+  static constexpr double kFitsNothing = 10.0;  ///< chi2 a row of error
 
  public:
   Run(const GraphFile& file, const SolveOptions& options) : file_{file}, options_{options} {
-    prepare();
-    PoseGraphLimits limits;
-    limits.max_nodes = std::max<int>(2, static_cast<int>(nodes_wanted_));
-    limits.max_factors = std::max<int>(1, static_cast<int>(order_.size()));
-    limits.max_blocks = blocks_wanted();
+    Order order = in_time_order(file);
+    order_ = std::move(order.items);
+    outcome_.bad_edges = order.bad_edges;
+    for (const Vertex& v : file.vertices) start_.try_emplace(v.id, v.pose);
     arena_.emplace(std::size_t{1} << 34);
-    solver_.emplace(limits, *arena_);
-    if (options.robust) judge_.emplace(*solver_, *arena_);
+    solver_.emplace(limits_for(file, order_, order.nodes, options.max_nodes), *arena_);
+    table_.emplace(*solver_, order.nodes);
+    if (options.max_nodes > 0) table_->limit(*arena_);
+    if (options.robust) {
+      judge_.emplace(*solver_, *arena_);
+      chains_.emplace(solver_->graph().max_nodes(), *arena_);
+      const auto between = std::count_if(file.edges.begin(), file.edges.end(), between_agents);
+      sets_.emplace(solver_->graph(), *chains_, std::clamp<int>(static_cast<int>(between), 1, 2000),
+                    *arena_);
+    }
+    const auto sight = [](const Edge& e) { return measure::is_sight(e.kind); };
+    if (std::any_of(file.edges.begin(), file.edges.end(), sight))
+      finder_.emplace(*solver_, *arena_);
     (void)arena_->seal(false);
-    node_of_.reserve(2 * nodes_wanted_);
     outcome_.steps.reserve(order_.size() + options.idle_steps + 1);
-    edge_of_.assign(limits.max_factors, -1);
+    edge_of_.assign(solver_->graph().max_factors(), -1);
+    between_.reserve(order_.size());
+    undecided_.reserve(order_.size());
   }
 
   SolveOutcome run() {
@@ -90,108 +76,159 @@ class Run {
     } else {
       incremental();
     }
-    finish();
+    for (const StepTrace& t : outcome_.steps) outcome_.total_ms += t.cpu_us * 1e-3;
+    outcome_.arena_bytes = arena_->used_bytes();
+    tell(*solver_, *table_, file_, edge_of_, outcome_);
     return std::move(outcome_);
   }
 
  private:
-  struct Item {
-    std::uint64_t moment;
-    std::uint64_t newest;
-    int edge;
-  };
-
-  /// Which edges make sense, and in which order they come.
-  void prepare() {
-    std::unordered_map<std::uint64_t, int> seen;
-    for (int i = 0; i < static_cast<int>(file_.edges.size()); ++i) {
-      const Edge& e = file_.edges[i];
-      const typename Space::Block info = to_block(e.information, Space{});
-      if (e.a == e.b || Eigen::LLT<typename Space::Block>{info}.info() != Eigen::Success) {
-        ++outcome_.bad_edges;
-        continue;
-      }
-      for (const auto id : {e.a, e.b}) seen.try_emplace(id, 0);
-      const bool a_later = std::pair{moment(e.a), e.a} > std::pair{moment(e.b), e.b};
-      const std::uint64_t newest = a_later ? e.a : e.b;
-      order_.push_back({moment(newest), newest, i});
-    }
-    nodes_wanted_ = seen.size();
-    const auto distance = [&](const Item& item) {  // odometry first within a step
-      const Edge& e = file_.edges[item.edge];
-      return e.a > e.b ? e.a - e.b : e.b - e.a;
-    };
-    std::stable_sort(order_.begin(), order_.end(), [&](const Item& x, const Item& y) {
-      if (x.moment != y.moment) return x.moment < y.moment;
-      if (x.newest != y.newest) return x.newest < y.newest;
-      return distance(x) < distance(y);
-    });
-    for (const Vertex& v : file_.vertices) start_.try_emplace(v.id, v.pose);
-  }
-
-  /// Room for the old factor and the new one, with some fill to spare.
-  [[nodiscard]] int blocks_wanted() const {
-    std::unordered_map<std::uint64_t, int> index;
-    std::vector<std::pair<int, int>> pairs;
-    const auto of = [&](std::uint64_t id) {
-      return index.try_emplace(id, static_cast<int>(index.size())).first->second;
-    };
-    for (const Item& item : order_)
-      pairs.emplace_back(of(file_.edges[item.edge].a), of(file_.edges[item.edge].b));
-    const int fill = factor_blocks(static_cast<int>(index.size()), pairs);
-    return 2 * fill + fill / 4 + 1024;
-  }
-
-  int node(std::uint64_t id) {
-    const auto found = node_of_.find(id);
-    if (found != node_of_.end()) return found->second;
+  void add_node(std::uint64_t id) {
+    if (table_->has(id)) return;
     typename Space::Pose pose{};
     if (options_.batch) {
       if (const auto s = start_.find(id); s != start_.end()) pose = to_pose(s->second, Space{});
     }
-    const int n = solver_->add_node(pose, {0, id});
-    node_of_.emplace(id, n);
-    return n;
+    table_->put(id, solver_->add_node(pose, {0, id}));
   }
 
   void add(int edge) {
     const Edge& e = file_.edges[edge];
-    const int a = node(e.a);
-    const int b = node(e.b);
-    const bool doubted = judge_ && closure(e);
-    const int f = solver_->add_between(a, b, to_pose(e.z, Space{}),
-                                       to_block(e.information, Space{}), doubted ? 0.0 : 1.0);
+    add_node(e.a);
+    if (measure::is_sight(e.kind)) return add_sight(e, edge);
+    add_node(e.b);
+    const auto a = table_->find(e.a);
+    const auto b = table_->find(e.b);
+    if (!a || !b || (a->node == b->node && e.kind != FactorKind::kPrior)) {
+      ++outcome_.lost_edges;  // its poses were taken out
+      return;
+    }
+    Relation<Space> r{measured(e, Space{}), information(e, Space{})};
+    if (a->moved || b->moved) {
+      r.covariance = r.covariance.inverse().eval();
+      if (e.kind != FactorKind::kPrior) r = a->from_node.then(r);
+      if (b->moved) r = r.then(b->from_node.inverse());
+      r.covariance = r.covariance.inverse().eval();
+    }
+    if (e.kind == FactorKind::kPrior) {
+      edge_of_[solver_->add_prior(a->node, r.T, r.covariance)] = edge;
+      return;
+    }
+    const bool doubted = judge_ && !is_odometry(e);
+    const int f = solver_->add_between(a->node, b->node, r.T, r.covariance, doubted ? 0.0 : 1.0);
     edge_of_[f] = edge;
+    if (judge_ && !doubted) chains_->append(a->node, b->node, {r.T, r.covariance.inverse()});
     if (!doubted) return;
-    solver_->flush();
-    judge_->consider(f);
+    if (between_agents(e)) between_.push_back(f);
+    undecided_.push_back(f);
   }
 
-  /// Odometry follows its agent's poses one by one and is trusted; all else is a closure.
-  [[nodiscard]] static bool closure(const Edge& e) {
-    return e.a > e.b ? e.a - e.b != 1 : e.b - e.a != 1;
+  /// Closures wait until the graph has eliminated their poses, which it does for its own reasons,
+  /// or for some steps: flushing it for each of them would undo what it saves by being lazy.
+  void decide(bool all) {
+    if (undecided_.empty()) return;
+    if (all) solver_->flush();
+    std::size_t kept = 0;
+    for (const int f : undecided_) {
+      const Factor<Space>& factor = solver_->graph().factor(f);
+      if (all || judge_->marginals().known(factor.a, factor.b)) {
+        judge_->consider(f);
+      } else {
+        undecided_[kept++] = f;
+      }
+    }
+    undecided_.resize(kept);
+  }
+
+  [[nodiscard]] static bool between_agents(const Edge& e) {
+    return e.kind == FactorKind::kBetween && e.a >> 56 != e.b >> 56;
+  }
+
+  void add_sight(const Edge& e, int edge) {
+    const auto a = table_->find(e.a);
+    if (!file_.points.contains(e.b)) {
+      add_node(e.b);
+    } else if (a && !table_->has(e.b)) {
+      table_->put(e.b, tells_position(e.kind) ? solver_->add_point(a->node, position_of(e, Space{}))
+                                              : solver_->add_point());
+    }
+    const auto b = table_->find(e.b);
+    if (!a || !b || a->moved || b->moved) {
+      ++outcome_.lost_edges;
+      return;
+    }
+    const int f =
+        solver_->add_sight(e.kind, a->node, b->node, measured(e, Space{}), information(e, Space{}));
+    edge_of_[f] = edge;
+    finder_->note(f);
+  }
+
+  /// Closures between two agents stand or fall as sets that agree by odometry alone.
+  void choose_sets() {
+    if (between_.empty()) return;
+    timed([&] {
+      sets_->choose(between_, [&](int f, bool agrees, int size) {
+        if (size > 1 || !agrees) judge_->force(f, agrees);
+      });
+      return solver_->update(Deadline::never());
+    });
+    settle();
+  }
+
+  void settle() {
+    for (int k = 0; k < kMostIdleSteps && !solver_->settled(); ++k)
+      timed([&] { return solver_->update(Deadline::never()); });
+  }
+
+  /// An end that fits nothing may be a bad valley (wrong closures): once more from odometry.
+  void second_start() {
+    Graph<Space>& graph = solver_->graph();
+    const double before = solver_->chi2();
+    if (table_->limited() || finder_ ||
+        !(before > kFitsNothing * Space::kDim * graph.factor_count()))
+      return;
+    std::vector<typename Space::Pose> poses;
+    for (int i = 0; i < graph.node_end(); ++i) poses.push_back(graph.node(i).pose);
+    timed([&] {
+      string_together(graph);
+      SolveReport report = solver_->optimise(Deadline::never());
+      if (report.chi2 < before) return report;
+      for (int i = 0; i < graph.node_end(); ++i) graph.node(i).pose = poses[i];
+      return solver_->optimise(Deadline::never());
+    });
   }
 
   /// After the last pose: verdicts over the whole set, each round at a settled estimate.
   void review() {
-    for (int round = 0; judge_ && round < kMostReviews; ++round) {
+    if (!judge_) return;
+    decide(true);
+    settle();
+    for (int round = 0; round < kMostReviews; ++round) {
       bool changed = false;
       timed([&] {
         changed = judge_->review();
         return solver_->update(Deadline::never());
       });
       if (!changed) break;
-      for (int k = 0; k < kMostIdleSteps && !solver_->settled(); ++k)
-        timed([&] { return solver_->update(Deadline::never()); });
+      settle();
     }
+    choose_sets();
   }
 
   void batch() {
-    for (const Item& item : order_) add(item.edge);
-    if (!file_.vertices.empty()) {  // the file's own start, where it has one
+    if (finder_) {  // what sights start from has to be found on the way
+      incremental();
+    } else {
+      for (const Item& item : order_) {
+        for (const auto id : {file_.edges[item.edge].a, file_.edges[item.edge].b})
+          (void)table_->expect(id);
+        add(item.edge);
+      }
+    }
+    if (!finder_ && !file_.vertices.empty()) {  // the file's own start, where it has one
       for (const auto& [id, pose] : start_)
-        if (const auto n = node_of_.find(id); n != node_of_.end())
-          solver_->graph().node(n->second).pose = to_pose(pose, Space{});
+        if (table_->has(id))
+          solver_->graph().node(table_->find(id)->node).pose = to_pose(pose, Space{});
     }
     timed([&] { return solver_->optimise(Deadline::never(), 200); });
   }
@@ -205,23 +242,44 @@ class Run {
     for (std::size_t i = 0; i < order_.size();) {
       const std::uint64_t newest = order_[i].newest;
       const std::size_t first = i;
+      int coming = 0;
       for (; i < order_.size() && order_[i].newest == newest; ++i)
         for (const auto id : {file_.edges[order_[i].edge].a, file_.edges[order_[i].edge].b})
-          (void)node(id);
+          coming += table_->expect(id) ? 1 : 0;
       timed([&] {
         const Deadline end = deadline();
+        table_->make_room(coming, static_cast<int>(i - first), [&](int f) { forget(f); });
         for (std::size_t k = first; k < i; ++k) add(order_[k].edge);
+        if (finder_) finder_->work(end);
         const SolveReport report = solver_->update(end);
-        if (judge_) judge_->look_again(kLooksPerStep);
+        if (judge_) {
+          decide(outcome_.steps.size() % kStepsPerDecision == 0);
+          judge_->look_again(kLooksPerStep);
+        }
         return report;
       });
     }
+    for (int k = 0; finder_ && !finder_->idle() && k < kMostSearches; ++k)
+      timed([&] {
+        finder_->work(deadline());
+        return solver_->update(deadline());
+      });
     // After the last pose: as many steps as were asked for; else, with no budget, until it settles.
     const bool to_the_end = !options_.budget_us && options_.idle_steps == 0;
     const int idle = to_the_end ? kMostIdleSteps : options_.idle_steps;
     for (int k = 0; k < idle && !(to_the_end && solver_->settled()); ++k)
       timed([&] { return solver_->update(deadline()); });
-    if (to_the_end) review();
+    if (!to_the_end) return;
+    second_start();
+    review();
+  }
+
+  void forget(int factor) {
+    edge_of_[factor] = -1;
+    std::erase(between_, factor);
+    std::erase(undecided_, factor);
+    if (judge_) judge_->forget(factor);
+    if (finder_) finder_->forget(factor);
   }
 
   template <class Step>
@@ -243,44 +301,21 @@ class Run {
     outcome_.steps.push_back(trace);
   }
 
-  void finish() {
-    (void)solver_->chi2();
-    const Graph<Space>& graph = solver_->graph();
-    for (int i = 0; i < graph.factor_end(); ++i) {
-      const Factor<Space>& f = graph.factor(i);
-      if (!f.state.active || f.weight < 0.5) {
-        outcome_.rejected.push_back(file_.edges[edge_of_[i]]);
-        continue;
-      }
-      ++outcome_.accepted;
-      outcome_.chi2 += chi2_g2o(f);
-      outcome_.f_log += 0.5 * f.chi2;
-    }
-    for (const StepTrace& s : outcome_.steps) outcome_.total_ms += s.cpu_us * 1e-3;
-    outcome_.arena_bytes = arena_->used_bytes();
-    outcome_.damped_pivots = solver_->elimination().damped_pivots();
-    outcome_.overflows = solver_->overflows();
-    outcome_.live_blocks = solver_->elimination().pool().live();
-    const std::map<std::uint64_t, int> sorted{node_of_.begin(), node_of_.end()};
-    for (const auto& [id, n] : sorted) {
-      outcome_.solution.vertices.push_back({id, from_pose(graph.node(n).pose)});
-      outcome_.groups += graph.node(n).group == n ? 1 : 0;
-    }
-    outcome_.solution.planar = file_.planar;
-    outcome_.solution.edges = file_.edges;
-  }
-
   const GraphFile& file_;
   const SolveOptions& options_;
   ThreadCpuClock cpu_;
   std::vector<Item> order_;
-  std::size_t nodes_wanted_ = 0;
   std::unordered_map<std::uint64_t, Se3> start_;
-  std::unordered_map<std::uint64_t, int> node_of_;
   std::vector<int> edge_of_;
   std::optional<Arena> arena_;
   std::optional<PoseGraph<Space>> solver_;
+  std::optional<NodeTable<Space>> table_;
   std::optional<ClosureJudge<Space>> judge_;
+  std::optional<FrameFinder<Space>> finder_;
+  std::optional<OdometryChains<Space>> chains_;
+  std::optional<ClosureSets<Space>> sets_;
+  std::vector<int> between_;    ///< closures between agents
+  std::vector<int> undecided_;  ///< closures that nobody has looked at yet
   SolveOutcome outcome_;
 };
 

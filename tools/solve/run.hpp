@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "tools/solve/graph_file.hpp"
+#include "tools/solve/score.hpp"
 
 namespace maplet::graphs {
 
@@ -39,10 +40,14 @@ struct SolveOutcome {
   std::uint64_t accepted = 0;
   std::vector<Edge> rejected;
   std::uint64_t bad_edges = 0;
+  std::uint64_t lost_edges = 0;       ///< to poses that were taken out and forgotten
+  std::uint64_t contracted = 0;       ///< poses taken out for want of room
+  std::uint64_t dropped_factors = 0;  ///< for want of room
   std::uint64_t damped_pivots = 0;
   std::uint64_t overflows = 0;
   int groups = 0;
   int live_blocks = 0;
+  std::optional<Accuracy> accuracy;  ///< where the file has the truth
   GraphFile solution;
 };
 

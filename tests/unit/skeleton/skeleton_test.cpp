@@ -23,7 +23,7 @@ DeltaPose delta(MapletKey a, MapletKey b, double x, double yaw = 0.0) {
 class SkeletonTest : public testing::Test {
  protected:
   Arena arena_;
-  Skeleton skeleton_{{.max_nodes = 16, .max_factors = 24}, arena_};
+  Skeleton skeleton_{{.max_nodes = 16, .max_factors = 24, .condense = false}, arena_};
   Deadline never_ = Deadline::never();
 };
 

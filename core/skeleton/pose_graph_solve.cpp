@@ -1,0 +1,349 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+// The engine's work: eliminations and steps in turn, until the deadline. pose_graph.cpp holds what
+// it works on.
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "core/skeleton/linearise.hpp"
+#include "core/skeleton/pose_graph.hpp"
+
+namespace maplet {
+
+// Everything anew, in one job: all factors linearised where they stand, no rounding carried over.
+template <class Space>
+void PoseGraph<Space>::start_fresh_job(double damping) noexcept {
+  begin_job();
+  for (int k = 0; k < dirty_count_; ++k) graph_.factor(dirty_[k]).state.dirty = false;
+  job_count_ = dirty_count_ = 0;
+  for (int i = 0; i < graph_.factor_end(); ++i) {
+    FactorState& s = graph_.factor(i).state;
+    if (!s.active && !s.integrated) continue;
+    s.in_job = true;
+    job_[job_count_++] = i;
+  }
+  fresh_job_ = true;
+  elimination_.touch_all(damping);
+  if (newest_ != kNone) elimination_.keep_last(newest_);
+  elimination_.begin();
+}
+
+template <class Space>
+void PoseGraph<Space>::begin_job() noexcept {
+  if (objective_changed_) stepper_.conclude();
+  hang_anew();
+  job_changes_objective_ = objective_changed_;
+  objective_changed_ = false;
+  pending_ = 0.0;
+  elimination_.clear_job();
+}
+
+template <class Space>
+void PoseGraph<Space>::start_job() noexcept {
+  begin_job();
+  std::swap(dirty_, job_);
+  job_count_ = dirty_count_;
+  dirty_count_ = 0;
+  for (int k = 0; k < job_count_; ++k) {
+    Factor<Space>& f = graph_.factor(job_[k]);
+    f.state.dirty = false;
+    f.state.in_job = true;
+    elimination_.touch(f.a);
+    if (f.b != kNone) elimination_.touch(f.b);
+  }
+  if (newest_ != kNone && graph_.node(newest_).first_incidence != kNone) {
+    elimination_.touch(newest_);
+    elimination_.keep_last(newest_);
+  }
+  elimination_.begin();
+}
+
+// The new columns did not fit. Once more without the garbage; then without the old columns, which
+// costs the steps until the job is done; then with fewer factors, those set aside counted.
+template <class Space>
+void PoseGraph<Space>::overcome_overflow() noexcept {
+  const bool garbage = elimination_.pool().live() < elimination_.pool().end();
+  const bool old_columns = elimination_.pool().live() > 0;
+  for (int k = 0; k < job_count_; ++k) {
+    graph_.factor(job_[k]).state.in_job = false;
+    if (!fresh_job_) mark_dirty(job_[k]);
+  }
+  job_count_ = 0;
+  refresh_ = fresh_job_ || !garbage;
+  fresh_job_ = false;
+  job_first_ = true;
+  objective_changed_ = objective_changed_ || job_changes_objective_;
+  if (garbage) {
+    elimination_.compact();
+  } else if (old_columns) {
+    elimination_.clear();
+    for (int i = 0; i < graph_.factor_end(); ++i) graph_.factor(i).state.integrated = false;
+  } else {
+    set_factors_aside();
+  }
+}
+
+// An eighth of the factors, the newest that no node hangs by.
+template <class Space>
+void PoseGraph<Space>::set_factors_aside() noexcept {
+  int wanted = std::max(1, graph_.factor_count() / 8);
+  for (int i = graph_.factor_end() - 1; i >= 0 && wanted > 0; --i) {
+    Factor<Space>& f = graph_.factor(i);
+    if (!f.state.active) continue;
+    int oldest = i;
+    graph_.for_each_incident(std::max(f.a, f.b),
+                             [&](int at, int) { oldest = std::min(oldest, at); });
+    if (oldest == i) continue;
+    f.state.active = false;
+    stepper_.withdraw(i);
+    ++overflows_;
+    --wanted;
+  }
+}
+
+template <class Space>
+void PoseGraph<Space>::finish_job() noexcept {
+  double change = 0.0;
+  for (int k = 0; k < job_count_; ++k) {
+    graph_.factor(job_[k]).state.in_job = false;
+    change += std::abs(stepper_.evaluate_new(job_[k]));
+  }
+  job_count_ = 0;
+  if (change > 1e-9 || fresh_job_) wants_step_ = true;
+  if (fresh_job_) stepper_.distrust_nothing();
+  fresh_job_ = false;
+  if (job_changes_objective_) stepper_.forget_step();
+  int kept = 0;
+  for (int k = 0; k < fresh_count_; ++k) {
+    if (elimination_.contains(fresh_[k])) {
+      graph_.node(fresh_[k]).hung_from = kNone;
+    } else {
+      fresh_[kept++] = fresh_[k];
+    }
+  }
+  fresh_count_ = kept;
+}
+
+template <class Space>
+double PoseGraph<Space>::tolerance(bool idle) const noexcept {
+  return idle ? 1e-8 * stepper_.chi2() + 1e-10
+              : std::max(policy_.step_share * stepper_.chi2(), policy_.step_gain);
+}
+
+// The last step gained far less than the factor at hand promised: what is stale in it goes into the
+// next job; where that is much of everything, all of it does.
+template <class Space>
+void PoseGraph<Space>::relinearise() noexcept {
+  constexpr double kShare = 0.2;  // of the stalest
+  const auto staleness = [&](const Factor<Space>& f) {
+    if (!f.state.active || !f.state.integrated) return 0.0;
+    return Space::staleness(relative_pose(graph_, f), f.rel_lin);
+  };
+  double most = 1e-4;
+  for (int i = 0; i < graph_.factor_end(); ++i) most = std::max(most, staleness(graph_.factor(i)));
+  for (int i = 0; i < graph_.factor_end(); ++i)
+    if (staleness(graph_.factor(i)) > kShare * most) mark_dirty(i);
+  refresh_ = dirty_count_ > graph_.factor_count() / 4 || dirty_count_ == 0;
+  pending_ = std::max(pending_, policy_.defer_share * stepper_.chi2());
+}
+
+template <class Space>
+bool PoseGraph<Space>::any_stale() const noexcept {
+  constexpr double kStale = 1e-3;
+  for (int i = 0; i < graph_.factor_end(); ++i) {
+    const Factor<Space>& f = graph_.factor(i);
+    if (f.state.active && f.state.integrated &&
+        Space::staleness(relative_pose(graph_, f), f.rel_lin) > kStale)
+      return true;
+  }
+  return false;
+}
+
+// Whether what waits is worth an elimination.
+template <class Space>
+bool PoseGraph<Space>::due(bool idle) const noexcept {
+  if (dirty_count_ == 0) return false;
+  return idle || job_first_ || flushing_ ||
+         !(pending_ < std::max(policy_.defer_share * stepper_.chi2(), 5.0 * policy_.step_gain));
+}
+
+template <class Space>
+void PoseGraph<Space>::flush() noexcept {
+  flushing_ = true;
+  for (int k = 0; k < 1000 && (dirty_count_ > 0 || elimination_.busy()); ++k) {
+    job_first_ = true;
+    new_input_ = true;
+    (void)update(Deadline::never());
+  }
+  flushing_ = false;
+}
+
+template <class Space>
+SolveReport PoseGraph<Space>::update(Deadline deadline, int max_iterations) noexcept {
+  using Step = typename Stepper<Space>::Result;
+  Allowance allowance{deadline, policy_.work_per_update};
+  SolveReport report;
+  const bool idle = !new_input_;
+  // Where a step has just been made and not been looked at, nothing is to be fitted.
+  if (new_input_ && !stepper_.unverified() && !elimination_.contains(newest_)) relax(newest_);
+  new_input_ = false;
+  if (idle && !settled_) wants_step_ = true;
+  for (;;) {
+    if (elimination_.busy()) {
+      const auto result = elimination_.run(allowance);
+      if (result == Elimination<Space>::Result::kDeadline) {
+        report.stop = Stop::kDeadline;
+        break;
+      }
+      if (result == Elimination<Space>::Result::kFull) {
+        overcome_overflow();
+      } else {
+        finish_job();
+      }
+      continue;
+    }
+    // What has been begun is brought to its end before anything new comes in: else steps that
+    // made things worse would never be judged.
+    if (!stepper_.busy() && (job_first_ || !wants_step_) && (due(idle) || refresh_)) {
+      if (!stepper_.catch_up(allowance)) {
+        report.stop = Stop::kDeadline;
+        break;
+      }
+      job_first_ = false;
+      if (std::exchange(refresh_, false)) {
+        start_fresh_job(0.0);
+      } else {
+        start_job();
+      }
+      continue;
+    }
+    if (!stepper_.busy() && !wants_step_) break;
+    if (report.iterations == max_iterations) {
+      report.stop = Stop::kIterationLimit;
+      break;
+    }
+    const Step result = stepper_.step(allowance, tolerance(idle));
+    if (result == Step::kDeadline) {
+      report.stop = Stop::kDeadline;
+      break;
+    }
+    place_fresh_nodes();  // a move was made, or taken back
+    if (result == Step::kMoved) {
+      ++report.iterations;
+      settled_ = false;
+      if (idle && any_stale()) refresh_ = job_first_ = true;
+      // A step that gains little leaves much less behind: looking at it can wait.
+      wants_step_ = idle || stepper_.predicted() > 3.0 * tolerance(false);
+    } else if (result == Step::kStale) {
+      stepper_.take_stale([&](int f) { mark_dirty(f); });
+      pending_ = std::max(pending_, policy_.defer_share * stepper_.chi2());
+      job_first_ = true;
+    } else if (result == Step::kMisled) {
+      relinearise();
+      refresh_ = refresh_ || ++misled_ > 1;
+      job_first_ = true;
+    } else {
+      wants_step_ = false;
+      misled_ = 0;
+      settled_ = settled_ || idle;
+    }
+  }
+  if (dirty_count_ > 0) settled_ = false;
+  report.chi2 = stepper_.chi2();
+  return report;
+}
+
+template <class Space>
+bool PoseGraph<Space>::polish(double step, int max_iterations) noexcept {
+  for (int k = 0; k < max_iterations; ++k) {
+    if (elimination_.busy()) elimination_.abandon();
+    for (int i = 0; i < job_count_; ++i) graph_.factor(job_[i]).state.in_job = false;
+    start_fresh_job(0.0);
+    Allowance unlimited = Allowance::unlimited();
+    if (elimination_.run(unlimited) != Elimination<Space>::Result::kCommitted) {
+      ++overflows_;
+      return false;
+    }
+    finish_job();
+    (void)chi2();
+    (void)stepper_.full_step();
+    (void)chi2();
+    stepper_.forget_step();
+    if (stepper_.largest_step() < step) {
+      wants_step_ = false;
+      settled_ = true;
+      return true;
+    }
+  }
+  return false;
+}
+
+// From scratch: Levenberg-Marquardt, everything linearised anew at each step.
+template <class Space>
+SolveReport PoseGraph<Space>::optimise(Deadline deadline, int max_iterations) noexcept {
+  SolveReport report;
+  double damping = 0.0;
+  double now = -1.0;
+  report.stop = Stop::kIterationLimit;
+  while (report.iterations < max_iterations) {
+    if (deadline.expired()) {
+      report.stop = Stop::kDeadline;
+      break;
+    }
+    ++report.iterations;
+    if (elimination_.busy()) elimination_.abandon();
+    for (int k = 0; k < job_count_; ++k) graph_.factor(job_[k]).state.in_job = false;
+    start_fresh_job(damping);
+    Allowance unlimited = Allowance::unlimited();
+    if (elimination_.run(unlimited) != Elimination<Space>::Result::kCommitted) {
+      ++overflows_;
+      break;
+    }
+    finish_job();
+    if (now < 0.0) now = chi2();
+    const double gain = stepper_.full_step();
+    const double next = chi2();
+    if (next <= now * (1.0 + 1e-12) + 1e-12) {
+      const double gained = now - next;
+      now = next;
+      damping = damping < 1e-7 ? 0.0 : 0.1 * damping;
+      if (gain > 1e-9 * now + 1e-12 || gained > 1e-9 * now + 1e-12) continue;
+      report.stop = Stop::kConverged;
+      break;
+    }
+    stepper_.restore();
+    now = chi2();
+    if (gain <= 1e-9 * now) {
+      report.stop = Stop::kConverged;
+      break;
+    }
+    damping = std::max(10.0 * damping, 1e-6);
+    if (damping > 1e8) break;
+  }
+  wants_step_ = false;
+  settled_ = true;
+  stepper_.forget_step();
+  report.chi2 = now;
+  return report;
+}
+
+#define MAPLET_INSTANTIATE(Space)                                        \
+  template void PoseGraph<Space>::start_fresh_job(double) noexcept;      \
+  template void PoseGraph<Space>::begin_job() noexcept;                  \
+  template void PoseGraph<Space>::start_job() noexcept;                  \
+  template void PoseGraph<Space>::overcome_overflow() noexcept;          \
+  template void PoseGraph<Space>::set_factors_aside() noexcept;          \
+  template void PoseGraph<Space>::finish_job() noexcept;                 \
+  template double PoseGraph<Space>::tolerance(bool) const noexcept;      \
+  template void PoseGraph<Space>::relinearise() noexcept;                \
+  template bool PoseGraph<Space>::any_stale() const noexcept;            \
+  template bool PoseGraph<Space>::due(bool) const noexcept;              \
+  template void PoseGraph<Space>::flush() noexcept;                      \
+  template SolveReport PoseGraph<Space>::update(Deadline, int) noexcept; \
+  template bool PoseGraph<Space>::polish(double, int) noexcept;          \
+  template SolveReport PoseGraph<Space>::optimise(Deadline, int) noexcept;
+MAPLET_INSTANTIATE(PlanarSpace)
+MAPLET_INSTANTIATE(SpatialSpace)
+#undef MAPLET_INSTANTIATE
+
+}  // namespace maplet
