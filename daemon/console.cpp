@@ -48,6 +48,9 @@ void Console::answer(Agent& agent, Deadline deadline) noexcept {
     case Question::kAdd:
       add_closure(agent, deadline);
       break;
+    case Question::kDecide:
+      decide_closure(agent, deadline);
+      break;
   }
   answered_ = true;
   answered_cv_.notify_one();
@@ -81,28 +84,38 @@ void Console::list_maplets(const Agent& agent) noexcept {
   }
 }
 
-void Console::add_closure(Agent& agent, Deadline deadline) noexcept {
-  const Skeleton& skeleton = agent.skeleton();
-  DeltaPose closure;
-  closure.kind = DeltaPose::Kind::kClosure;
+bool Console::find_named(const Skeleton& skeleton, MapletKey& a, MapletKey& b) const noexcept {
   bool found_a = false;
   bool found_b = false;
   for (int i = 0; i < skeleton.node_count(); ++i) {  // the latest life of each
     const MapletKey key = skeleton.node(i).key;
     if (key.agent == new_closure_.agent_a && key.id == new_closure_.id_a) {
-      closure.a = key;
+      a = key;
       found_a = true;
     }
     if (key.agent == new_closure_.agent_b && key.id == new_closure_.id_b) {
-      closure.b = key;
+      b = key;
       found_b = true;
     }
   }
+  return found_a && found_b && !(a == b);
+}
+
+void Console::add_closure(Agent& agent, Deadline deadline) noexcept {
+  DeltaPose closure;
+  closure.kind = DeltaPose::Kind::kClosure;
   added_ = AddedClosure::kUnknownMaplet;
-  if (!found_a || !found_b || closure.a == closure.b) return;
+  if (!find_named(agent.skeleton(), closure.a, closure.b)) return;
   closure.T_a_b.se3 = new_closure_.T_a_b;
   closure.covariance.diagonal() << 1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3;
   added_ = agent.say(closure, deadline) ? AddedClosure::kAdded : AddedClosure::kRefused;
+}
+
+void Console::decide_closure(Agent& agent, Deadline deadline) noexcept {
+  MapletKey a;
+  MapletKey b;
+  decided_ = -1;
+  if (find_named(agent.skeleton(), a, b)) decided_ = agent.decide(a, b, accept_, deadline);
 }
 
 void Console::look_into(const Agent& agent) noexcept {

@@ -6,6 +6,7 @@
 #include <condition_variable>
 #include <memory>
 #include <mutex>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 
 #include "core/agent/agent.hpp"
@@ -50,7 +51,7 @@ class Console {
  private:
   static constexpr std::size_t kMaxClosures = 1024;
   static constexpr std::size_t kMaxMaplets = 4096;
-  enum class Question : std::uint8_t { kClosures, kWhy, kAdd, kMaplets };
+  enum class Question : std::uint8_t { kClosures, kWhy, kAdd, kMaplets, kDecide };
   struct MapletLine {
     Skeleton::NodeView node;
     std::uint32_t bytes = 0;  ///< of one of ours; 0 = gone, or another's
@@ -76,18 +77,24 @@ class Console {
   void list_closures(const Agent& agent) noexcept;
   void list_maplets(const Agent& agent) noexcept;
   void add_closure(Agent& agent, Deadline deadline) noexcept;
+  void decide_closure(Agent& agent, Deadline deadline) noexcept;
+  /// The maplets that an operator names, in their latest lives. @return whether both are there
+  [[nodiscard]] bool find_named(const Skeleton& skeleton, MapletKey& a,
+                                MapletKey& b) const noexcept;
   void look_into(const Agent& agent) noexcept;
   /// Asks the estimator. @return false when it did not answer in time
   bool ask(Question question, int agent);
 
   // console_text.cpp: the server's side
   [[nodiscard]] std::string reply(const std::string& line);
+  [[nodiscard]] static NewClosure named(const nlohmann::ordered_json& question);
   [[nodiscard]] std::string status_text() const;  // status_text.cpp
   [[nodiscard]] std::string peers_text() const;
   [[nodiscard]] std::string why_text(int agent);
   [[nodiscard]] std::string closures_text();
   [[nodiscard]] std::string maplets_text();
   [[nodiscard]] std::string add_text(const std::string& line);
+  [[nodiscard]] std::string decide_text(const std::string& line);
   [[nodiscard]] std::string set_text(const std::string& key, const std::string& value);
   [[nodiscard]] std::string radio_text(const std::string& what);
 
@@ -111,6 +118,8 @@ class Console {
   } why_;
 
   NewClosure new_closure_;
+  bool accept_ = false;
+  int decided_ = 0;  ///< closures between the two
   enum class AddedClosure : std::uint8_t { kAdded, kRefused, kUnknownMaplet } added_{};
 
   std::unique_ptr<ControlServer> server_;

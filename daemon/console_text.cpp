@@ -20,7 +20,23 @@ Json key_json(const MapletKey& key) {
   return {{"agent", key.agent}, {"epoch", key.epoch}, {"id", key.id}};
 }
 
+bool names_two_maplets(const Json& question) {
+  for (const char* key : {"agent_a", "id_a", "agent_b", "id_b"}) {
+    if (!question.value(key, Json{}).is_number_unsigned()) return false;
+  }
+  return true;
+}
+
 }  // namespace
+
+Console::NewClosure Console::named(const nlohmann::ordered_json& q) {
+  NewClosure closure;
+  closure.agent_a = q["agent_a"].get<std::uint16_t>();
+  closure.id_a = q["id_a"].get<std::uint32_t>();
+  closure.agent_b = q["agent_b"].get<std::uint16_t>();
+  closure.id_b = q["id_b"].get<std::uint32_t>();
+  return closure;
+}
 
 std::string Console::reply(const std::string& line) {
   const Json question = Json::parse(line, nullptr, false);
@@ -34,6 +50,7 @@ std::string Console::reply(const std::string& line) {
   if (command == "closures") return closures_text();
   if (command == "maplets") return maplets_text();
   if (command == "add") return add_text(line);
+  if (command == "decide") return decide_text(line);
   if (command == "set") {
     return set_text(question.value("key", std::string{}), question.value("value", std::string{}));
   }
@@ -152,29 +169,39 @@ std::string Console::add_text(const std::string& line) {
   const bool numbers =
       pose.is_array() && pose.size() == 7 &&
       std::all_of(pose.begin(), pose.end(), [](const Json& v) { return v.is_number(); });
-  for (const char* key : {"agent_a", "id_a", "agent_b", "id_b"}) {
-    if (!numbers || !q.value(key, Json{}).is_number_unsigned()) {
-      return error("closure add: two maplets AGENT:ID and seven numbers of T_a_b").dump();
-    }
+  if (!numbers || !names_two_maplets(q)) {
+    return error("closure add: two maplets AGENT:ID and seven numbers of T_a_b").dump();
   }
-  NewClosure closure;
-  closure.agent_a = q["agent_a"].get<std::uint16_t>();
-  closure.id_a = q["id_a"].get<std::uint32_t>();
-  closure.agent_b = q["agent_b"].get<std::uint16_t>();
-  closure.id_b = q["id_b"].get<std::uint32_t>();
+  NewClosure closure = named(q);
   closure.T_a_b.t = {pose[0].get<double>(), pose[1].get<double>(), pose[2].get<double>()};
   closure.T_a_b.q = {pose[6].get<double>(), pose[3].get<double>(), pose[4].get<double>(),
                      pose[5].get<double>()};
+  if (closure.T_a_b.q.norm() < 0.5) return error("closure add: that is no rotation").dump();
   {
     const std::scoped_lock lock{question_mutex_};
     new_closure_ = closure;
   }
-  if (closure.T_a_b.q.norm() < 0.5) return error("closure add: that is no rotation").dump();
   if (!ask(Question::kAdd, 0)) return error("the estimator did not answer within 3 s").dump();
   if (added_ == AddedClosure::kUnknownMaplet) {
     return error("closure add: the skeleton does not have both maplets").dump();
   }
   return Json{{"added", added_ == AddedClosure::kAdded}}.dump();
+}
+
+std::string Console::decide_text(const std::string& line) {
+  const Json q = Json::parse(line, nullptr, false);
+  if (!names_two_maplets(q) || !q.value("accept", Json{}).is_boolean()) {
+    return error("closure reject, restore: two maplets AGENT:ID").dump();
+  }
+  {
+    const std::scoped_lock lock{question_mutex_};
+    new_closure_ = named(q);
+    accept_ = q["accept"].get<bool>();
+  }
+  if (!ask(Question::kDecide, 0)) return error("the estimator did not answer within 3 s").dump();
+  if (decided_ < 0) return error("the skeleton does not have both maplets").dump();
+  if (decided_ == 0) return error("there is no closure between the two (closure list)").dump();
+  return Json{{"closures", decided_}, {"accepted", q["accept"]}}.dump();
 }
 
 std::string Console::radio_text(const std::string& what) {

@@ -84,6 +84,10 @@ class Agent {
   bool meet(Deadline deadline) noexcept;
   /// Makes a record of a closure that somebody else vouches for (an operator), and hears it.
   bool say(const DeltaPose& closure, Deadline deadline) noexcept;
+  /// An operator's verdict on the closures between two maplets: Skeleton::decide().
+  int decide(const MapletKey& a, const MapletKey& b, bool accept, Deadline deadline) noexcept {
+    return skeleton_.decide(a, b, accept, deadline);
+  }
   /// Closures refused so far, the first of them; and how many in all.
   [[nodiscard]] std::span<const DeltaPose> refused() const noexcept {
     return {refused_.data(), refused_.size()};

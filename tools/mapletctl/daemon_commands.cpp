@@ -113,6 +113,29 @@ void add_closure_add(CLI::App& closure) {
   });
 }
 
+void add_closure_decide(CLI::App& closure, const char* name, const char* help, bool accept) {
+  struct Decide : Asked {
+    std::string a, b;
+  };
+  auto asked = std::make_shared<Decide>();
+  auto* sub = closure.add_subcommand(name, help);
+  sub->add_option("A", asked->a, "AGENT:ID, as closure list prints it")->required();
+  sub->add_option("B", asked->b, "AGENT:ID")->required();
+  add_daemon_options(*sub, std::shared_ptr<Daemon>{asked, &asked->daemon});
+  sub->add_flag("--json", asked->json, "the answer, as JSON");
+  sub->callback([asked, accept] {
+    Json question{{"command", "decide"}, {"accept", accept}};
+    question.update(maplet_of(asked->a, "agent_a", "id_a"));
+    question.update(maplet_of(asked->b, "agent_b", "id_b"));
+    const Json answer = ask(asked->daemon, question);
+    if (asked->json) {
+      fmt::print("{}\n", answer.dump());
+    } else {
+      fmt::print("{} {}\n", answer["closures"].get<int>(), accept ? "restored" : "rejected");
+    }
+  });
+}
+
 void add_status(CLI::App& app) {
   auto asked = std::make_shared<Asked>();
   auto prometheus = std::make_shared<bool>(false);
@@ -193,10 +216,15 @@ void add_daemon_commands(CLI::App& app) {
                  for (const Json& peer : peers) print_peer(peer);
                  if (peers.empty()) fmt::print("nobody was heard yet\n");
                });
-  auto* closure = app.add_subcommand("closure", "Places seen again: list, add");
+  auto* closure = app.add_subcommand("closure", "Places seen again: list, reject, restore, add");
   closure->require_subcommand(1);
   add_question(*closure, "list", "The closures in the skeleton, with residual and weight",
                "closures", print_closures);
+  add_closure_decide(*closure, "reject",
+                     "Takes the closures between two maplets out of the skeleton of this agent; "
+                     "maps that only they held together come apart",
+                     false);
+  add_closure_decide(*closure, "restore", "Lets them count again, whatever the agent thinks", true);
   add_closure_add(*closure);
   add_why(app);
   add_question(app, "maplets", "The maplets in the skeleton, and where they are", "maplets",

@@ -16,6 +16,21 @@ PATIENCE_S = 60.0
 SOURCE = "sim:loop?seed=7&width=160&rate_hz=10&frames=200&agent={0}&phase=0.{0}"
 
 
+def multiply(p, q):
+    """Of quaternions x, y, z, w."""
+    (a, b, c, d), (e, f, g, h) = p, q
+    return [d * e + a * h + b * g - c * f, d * f - a * g + b * h + c * e,
+            d * g + a * f - b * e + c * h, d * h - a * e - b * f - c * g]
+
+
+def relative(T_m_a, T_m_b):
+    """T_a_b, of poses x, y, z, qx, qy, qz, qw."""
+    back = [-T_m_a[3], -T_m_a[4], -T_m_a[5], T_m_a[6]]
+    apart = [b - a for a, b in zip(T_m_a[:3], T_m_b[:3])] + [0.0]
+    turned = multiply(multiply(back, apart), T_m_a[3:])
+    return turned[:3] + multiply(back, T_m_b[3:])
+
+
 class Control(unittest.TestCase):
     def setUp(self):
         self.folder = tempfile.mkdtemp(prefix="maplet-control-")
@@ -87,6 +102,27 @@ class Control(unittest.TestCase):
             daemon.terminate()
         self.assertEqual([daemon.wait(20) for daemon in self.daemons], [0, 0])
         self.assertFalse(os.path.exists(self.path(1)))
+
+    def test_a_closure_is_rejected_and_restored_by_hand(self):
+        self.start(1, None, "--no-dds")
+        self.until(lambda: len(json.loads(self.ctl(1, "maplets", "--json"))) >= 3)
+        # Where the skeleton has them already: x, y, z of the first two maplets in one map.
+        first, second = json.loads(self.ctl(1, "maplets", "--json"))[:2]
+        self.ctl(1, "closure", "add", "1:0", "1:1",
+                 ",".join(map(str, relative(first["T_map_maplet"], second["T_map_maplet"]))))
+
+        def closure():
+            found = [c for c in json.loads(self.ctl(1, "closure", "list", "--json"))
+                     if (c["a"]["id"], c["b"]["id"]) == (0, 1)]
+            self.assertEqual(len(found), 1)
+            return found[0]
+        self.assertFalse(closure()["rejected"])
+        self.assertIn("1 rejected", self.ctl(1, "closure", "reject", "1:0", "1:1"))
+        self.until(lambda: closure()["rejected"])
+        self.assertIn("1 restored", self.ctl(1, "closure", "restore", "1:0", "1:1"))
+        self.until(lambda: not closure()["rejected"])
+        self.assertIn("no closure between", self.ctl(1, "closure", "reject", "1:0", "1:2", code=1))
+        self.assertIn("does not have both", self.ctl(1, "closure", "reject", "1:0", "9:9", code=1))
 
     def test_silence_on_request(self):
         for agent in (1, 2):
