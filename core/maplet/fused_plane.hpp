@@ -48,8 +48,8 @@ struct FusedPlane {
                                 double gate_rad) const noexcept;
   void fuse(const PlaneSighting& sighting, std::uint32_t keyframe) noexcept;
   [[nodiscard]] Eigen::Matrix3d covariance() const noexcept { return information.inverse(); }
-  /// The same as far as the sightings' own differences bear it out: what one keyframe's view is off by
-  /// the next one's is, too, so that only kIndependent of them count as such. eq. 7
+  /// The same as far as the sightings' own differences bear it out: what one keyframe's view is off
+  /// by the next one's is, too, so that only kIndependent of them count as such. eq. 7
   [[nodiscard]] Eigen::Matrix3d honest_covariance() const noexcept;
 };
 

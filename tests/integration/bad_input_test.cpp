@@ -231,7 +231,8 @@ TEST_F(BadRecording, ALongerBlindSpellStartsANewMaplet) {
   EXPECT_GE(report["tracking"]["lost"], 8);
   EXPECT_EQ(report["maplets"]["count"], 2);
   EXPECT_EQ(report["delta_poses"]["count"], 1);
-  EXPECT_THAT(mapped.err, AllOf(HasSubstr("tracking lost (no depth)"), HasSubstr("tracking again")));
+  EXPECT_THAT(mapped.err,
+              AllOf(HasSubstr("tracking lost (no depth)"), HasSubstr("tracking again")));
 }
 
 TEST_F(BadRecording, ClockThatJumpsInABlindSpellIsAGap) {

@@ -37,8 +37,8 @@ INSTANTIATE_TEST_SUITE_P(Sets, PublicGraph,
                                          Optimum{"CSAIL.g2o", 40.55513, 0.0},
                                          Optimum{"sphere2500.g2o", 0.0, 675.70096},
                                          Optimum{"parking-garage.g2o", 0.0, 0.634192}),
-                         [](const auto& info) {
-                           std::string name = info.param.name;
+                         [](const auto& set) {
+                           std::string name = set.param.name;
                            name.resize(name.find('.'));
                            std::erase(name, '-');
                            return name;
