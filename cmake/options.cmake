@@ -20,6 +20,14 @@ if(CCACHE)
   set(CMAKE_CXX_COMPILER_LAUNCHER ${CCACHE})
 endif()
 
+# maplet_precompile(target headers...): a fifth of a build from nothing. Where there is a ccache, it
+# keeps the objects instead: the two do not go together.
+function(maplet_precompile target)
+  if(NOT CCACHE)
+    target_precompile_headers(${target} PRIVATE ${ARGN})
+  endif()
+endfunction()
+
 # What every target of ours is compiled with.
 add_library(maplet_options INTERFACE)
 target_include_directories(maplet_options INTERFACE ${CMAKE_SOURCE_DIR})
