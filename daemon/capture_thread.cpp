@@ -1,14 +1,12 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #include "daemon/capture_thread.hpp"
 
-#include <pthread.h>
-#include <signal.h>
-
 #include <algorithm>
 #include <ctime>
 #include <utility>
 
 #include "daemon/alloc_counter.hpp"
+#include "daemon/thread_setup.hpp"
 
 namespace maplet::daemon {
 
@@ -47,16 +45,11 @@ FramePool::FramePool() {
 CaptureThread::CaptureThread(std::unique_ptr<DepthSource> source, Pace pace, FramePool& pool,
                              const std::function<void()>& enter)
     : source_{std::move(source)}, pool_{pool}, pacer_{pace}, length_{source_->length()} {
-  sigset_t all;
-  sigset_t before;
-  sigfillset(&all);
-  pthread_sigmask(SIG_SETMASK, &all, &before);  // the thread inherits it: signals are main's
-  thread_ = std::thread{[this, enter] {
+  thread_ = start_thread("capture", [this, enter] {
     enter();
     watch_this_thread();
     loop();
-  }};
-  pthread_sigmask(SIG_SETMASK, &before, nullptr);
+  });
 }
 
 CaptureThread::~CaptureThread() {

@@ -3,8 +3,6 @@
 
 #include <fmt/format.h>
 #include <poll.h>
-#include <pthread.h>
-#include <signal.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>
@@ -15,6 +13,7 @@
 #include <cstring>
 
 #include "daemon/control_path.hpp"
+#include "daemon/thread_setup.hpp"
 
 namespace maplet::daemon {
 
@@ -87,13 +86,7 @@ tl::expected<std::unique_ptr<ControlServer>, std::string> ControlServer::start(
 
 ControlServer::ControlServer(int fd, std::string path, Answer answer)
     : fd_{fd}, path_{std::move(path)}, answer_{std::move(answer)} {
-  sigset_t all;
-  sigset_t before;
-  sigfillset(&all);
-  pthread_sigmask(SIG_SETMASK, &all, &before);
-  thread_ = std::thread{[this] { loop(); }};
-  pthread_sigmask(SIG_SETMASK, &before, nullptr);
-  pthread_setname_np(thread_.native_handle(), "control");
+  thread_ = start_thread("control", [this] { loop(); });
 }
 
 ControlServer::~ControlServer() {

@@ -12,7 +12,7 @@ namespace maplet::daemon {
 /// Stages stop at their deadlines, but overrun by a step, and the machine takes its share: so the
 /// governor gives them less than the budget as soon as a frame was late, and gives it back while
 /// frames are early. What a smaller budget cuts, and in which order, are the stages' own deadlines
-/// (docs/governor.md): patches, pixels, iterations, skeleton work. When the least budget is not
+/// (docs/service.md): patches, iterations, skeleton work. When the least budget is not
 /// enough, frames are left out: every second one, every third.
 ///
 /// Memory   fixed. Time O(1). Threads one.
@@ -30,8 +30,6 @@ class Governor {
   /// A frame took that long.
   void done(Duration took, Duration whole) noexcept;
 
-  /// 0 = everything; 0..1 the share taken away; above, frames are left out.
-  [[nodiscard]] double level() const noexcept { return 1.0 - share_ + interval_ - 1; }
   [[nodiscard]] bool degraded() const noexcept { return share_ < 1.0 || interval_ > 1; }
   [[nodiscard]] std::uint64_t skipped() const noexcept { return skipped_; }
 

@@ -8,6 +8,7 @@
 
 #include "core/agent/agent.hpp"
 #include "core/base/arena_exhausted.hpp"
+#include "daemon/capture_thread.hpp"
 #include "daemon/console.hpp"
 #include "daemon/own_records.hpp"
 #include "daemon/radio_link.hpp"
@@ -50,11 +51,12 @@ void add_beside(MemoryLedger& ledger, const Config& config, bool dds) {
     add(ledger, "dds/maplet history", static_cast<std::size_t>(config.dds.maplet_history),
         static_cast<std::size_t>(config.agent.maplet.max_bytes));
   }
+  const bool known = config.camera.width_px > 0 && config.camera.height_px > 0;
+  const std::size_t pixels = known ? static_cast<std::size_t>(config.camera.width_px) *
+                                         static_cast<std::size_t>(config.camera.height_px)
+                                   : 640 * 480;
+  add(ledger, "capture/frames", 1, FramePool::bytes(pixels));
   if (config.input.source.empty() || config.input.source.starts_with("openni2:")) {
-    const bool known = config.camera.width_px > 0 && config.camera.height_px > 0;
-    const std::size_t pixels = known ? static_cast<std::size_t>(config.camera.width_px) *
-                                           static_cast<std::size_t>(config.camera.height_px)
-                                     : 640 * 480;
     add(ledger, "openni2/frames", kCameraFrames, pixels * 2);
     if (config.input.gray == "auto")
       add(ledger, "openni2/colour frames", kCameraFrames, pixels * 3);

@@ -1,12 +1,10 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #include "daemon/radio_link.hpp"
 
-#include <pthread.h>
-#include <signal.h>
-
 #include <algorithm>
 
 #include "daemon/log.hpp"
+#include "daemon/thread_setup.hpp"
 #include "transport/dds/wire_meter.hpp"
 
 namespace maplet::daemon {
@@ -99,13 +97,7 @@ std::optional<DdsFailure> RadioLink::start(bool wait) {
   } else {
     log_warning("waiting for the link: " + opened.error().what);
   }
-  sigset_t all;
-  sigset_t before;
-  sigfillset(&all);
-  pthread_sigmask(SIG_SETMASK, &all, &before);  // the thread inherits it: signals are main's
-  thread_ = std::thread{[this] { loop(); }};
-  pthread_sigmask(SIG_SETMASK, &before, nullptr);
-  pthread_setname_np(thread_.native_handle(), "radio");
+  thread_ = start_thread("radio", [this] { loop(); });
   return {};
 }
 

@@ -1,9 +1,6 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #include "daemon/supervisor.hpp"
 
-#include <pthread.h>
-#include <signal.h>
-
 #include <algorithm>
 #include <chrono>
 #include <string>
@@ -11,6 +8,7 @@
 
 #include "daemon/service_notify.hpp"
 #include "daemon/signals.hpp"
+#include "daemon/thread_setup.hpp"
 
 namespace maplet::daemon {
 
@@ -25,13 +23,7 @@ constexpr Duration kLook = 50ms;  // at signals and the end
 Supervisor::Supervisor(Heartbeat& estimator, const StatusBoard& board, FewLines& warnings,
                        std::function<void()> reload)
     : estimator_{estimator}, board_{board}, warnings_{warnings}, reload_{std::move(reload)} {
-  sigset_t all;
-  sigset_t before;
-  sigfillset(&all);
-  pthread_sigmask(SIG_SETMASK, &all, &before);
-  thread_ = std::thread{[this] { loop(); }};
-  pthread_sigmask(SIG_SETMASK, &before, nullptr);
-  pthread_setname_np(thread_.native_handle(), "housekeeping");
+  thread_ = start_thread("housekeeping", [this] { loop(); });
 }
 
 Supervisor::~Supervisor() {

@@ -4,8 +4,10 @@
 #include <fmt/format.h>
 #include <pthread.h>
 #include <sched.h>
+#include <signal.h>
 
 #include <cstring>
+#include <utility>
 
 namespace maplet::daemon {
 
@@ -21,6 +23,17 @@ std::optional<std::string> set_up_this_thread(const char* name, int fifo_priorit
       "thread {}: no real-time priority {} ({}): grant LimitRTPRIO={} or CAP_SYS_NICE, or set the "
       "priority to 0",
       name, fifo_priority, std::strerror(error), fifo_priority);
+}
+
+std::thread start_thread(const char* name, std::function<void()> body) {
+  sigset_t all;
+  sigset_t before;
+  sigfillset(&all);
+  pthread_sigmask(SIG_SETMASK, &all, &before);  // the thread inherits it
+  std::thread thread{std::move(body)};
+  pthread_sigmask(SIG_SETMASK, &before, nullptr);
+  pthread_setname_np(thread.native_handle(), name);
+  return thread;
 }
 
 }  // namespace maplet::daemon
