@@ -84,9 +84,9 @@ class Connection {
 
 }  // namespace
 
-void add_daemon_options(CLI::App& command, const std::shared_ptr<Daemon>& daemon) {
+void add_daemon_options(Command command, const std::shared_ptr<Daemon>& daemon) {
   command.add_option("--agent", daemon->agent, "which daemon of this host, by its agent number")
-      ->check(CLI::Range(0, 65535));
+      .range(0, 65535);
   command.add_option("--socket", daemon->socket, "its Unix socket (control.socket)");
 }
 

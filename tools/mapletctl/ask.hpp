@@ -16,7 +16,7 @@ struct Daemon {
 };
 
 /// Adds --agent and --socket.
-void add_daemon_options(CLI::App& command, const std::shared_ptr<Daemon>& daemon);
+void add_daemon_options(Command command, const std::shared_ptr<Daemon>& daemon);
 
 /// Asks over the daemon's Unix socket. Throws Failure with the remedy.
 [[nodiscard]] nlohmann::ordered_json ask(const Daemon& daemon,

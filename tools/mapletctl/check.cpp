@@ -69,18 +69,17 @@ void run(const Options& options) {
 
 }  // namespace
 
-void add_check(CLI::App& app) {
+void add_check(Command app) {
   auto options = std::make_shared<Options>();
-  auto* sub = app.add_subcommand(
+  const Command sub = app.add_command(
       "check",
       "What mapletd will find on this machine: camera, permissions, GPIO, clock, network, "
       "memory, real time; a line each with the remedy");
-  sub->add_option("--config", options->daemon.config_file, "TOML file, as mapletd takes it");
-  sub->add_option("--set", options->daemon.overrides, "key=value over the file")
-      ->allow_extra_args(false);
-  sub->add_option("--source", options->daemon.source, "source URI, as mapletd takes it");
-  sub->add_flag("--json", options->json, "the results, as JSON");
-  sub->callback([options] { run(*options); });
+  sub.add_option("--config", options->daemon.config_file, "TOML file, as mapletd takes it");
+  sub.add_option("--set", options->daemon.overrides, "key=value over the file").one_each();
+  sub.add_option("--source", options->daemon.source, "source URI, as mapletd takes it");
+  sub.add_flag("--json", options->json, "the results, as JSON");
+  sub.run([options] { run(*options); });
 }
 
 }  // namespace maplet::ctl

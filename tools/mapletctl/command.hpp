@@ -1,9 +1,10 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <stdexcept>
 #include <string>
+
+#include "tools/mapletctl/command_line.hpp"
 
 namespace maplet::ctl {
 
@@ -17,20 +18,20 @@ class Failure : public std::runtime_error {
 };
 
 // Each command lives in a file of its own and adds itself to the command line.
-void add_check(CLI::App& app);
-void add_daemon_commands(CLI::App& app);
-void add_draw(CLI::App& app);
-void add_eval(CLI::App& app);
-void add_export(CLI::App& app);
-void add_match(CLI::App& app);
-void add_patches(CLI::App& app);
-void add_patches_eval(CLI::App& app);
-void add_register(CLI::App& app);
-void add_show(CLI::App& app);
-void add_simulate(CLI::App& app);
-void add_solve(CLI::App& app);
-void add_top(CLI::App& app);
-void add_version(CLI::App& app);
-void add_watch(CLI::App& app);
+void add_check(Command app);
+void add_daemon_commands(Command app);
+void add_draw(Command app);
+void add_eval(Command app);
+void add_export(Command app);
+void add_match(Command app);
+void add_patches(Command app);
+void add_patches_eval(Command app);
+void add_register(Command app);
+void add_show(Command app);
+void add_simulate(Command app);
+void add_solve(Command app);
+void add_top(Command app);
+void add_version(Command app);
+void add_watch(Command app);
 
 }  // namespace maplet::ctl

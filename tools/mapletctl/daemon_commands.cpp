@@ -38,13 +38,13 @@ struct Asked {
 };
 
 /// A command that asks one question and prints the answer.
-void add_question(CLI::App& app, const char* name, const char* help, const char* command,
+void add_question(Command app, const char* name, const char* help, const char* command,
                   void (*print)(const Json&)) {
   auto asked = std::make_shared<Asked>();
-  auto* sub = app.add_subcommand(name, help);
-  add_daemon_options(*sub, std::shared_ptr<Daemon>{asked, &asked->daemon});
-  sub->add_flag("--json", asked->json, "the whole answer, as JSON");
-  sub->callback([asked, command, print] {
+  const Command sub = app.add_command(name, help);
+  add_daemon_options(sub, std::shared_ptr<Daemon>{asked, &asked->daemon});
+  sub.add_flag("--json", asked->json, "the whole answer, as JSON");
+  sub.run([asked, command, print] {
     const Json answer = ask(asked->daemon, {{"command", command}});
     if (asked->json) {
       fmt::print("{}\n", answer.dump());
@@ -54,21 +54,19 @@ void add_question(CLI::App& app, const char* name, const char* help, const char*
   });
 }
 
-void add_why(CLI::App& app) {
+void add_why(Command app) {
   struct Why : Asked {
     int about = 0;
   };
   auto asked = std::make_shared<Why>();
-  auto* sub = app.add_subcommand(
+  const Command sub = app.add_command(
       "why", "Why another agent's map is merged with this one, or why not: heard when, held what");
-  sub->add_option("AGENT", asked->about, "the other agent's number")
-      ->required()
-      ->check(CLI::Range(0, 65535));
-  sub->add_option("--agent", asked->daemon.agent, "which daemon of this host, by its agent number")
-      ->check(CLI::Range(0, 65535));
-  sub->add_option("--socket", asked->daemon.socket, "its Unix socket (control.socket)");
-  sub->add_flag("--json", asked->json, "the whole answer, as JSON");
-  sub->callback([asked] {
+  sub.add_option("AGENT", asked->about, "the other agent's number").required().range(0, 65535);
+  sub.add_option("--agent", asked->daemon.agent, "which daemon of this host, by its agent number")
+      .range(0, 65535);
+  sub.add_option("--socket", asked->daemon.socket, "its Unix socket (control.socket)");
+  sub.add_flag("--json", asked->json, "the whole answer, as JSON");
+  sub.run([asked] {
     const Json answer = ask(asked->daemon, {{"command", "why"}, {"agent", asked->about}});
     if (asked->json) {
       fmt::print("{}\n", answer.dump());
@@ -87,22 +85,19 @@ Json maplet_of(const std::string& text, const char* agent, const char* id) {
   return {{agent, numbers[0]}, {id, numbers[1]}};
 }
 
-void add_closure_add(CLI::App& closure) {
+void add_closure_add(Command closure) {
   struct Add : Asked {
     std::string a, b;
     std::vector<double> pose;
   };
   auto asked = std::make_shared<Add>();
-  auto* sub = closure.add_subcommand(
+  const Command sub = closure.add_command(
       "add", "Says that two maplets show one place: a closure as if the agent had found it");
-  sub->add_option("A", asked->a, "AGENT:ID")->required();
-  sub->add_option("B", asked->b, "AGENT:ID")->required();
-  sub->add_option("T_a_b", asked->pose, "x,y,z,qx,qy,qz,qw: maps b into a")
-      ->required()
-      ->delimiter(',')
-      ->expected(7);
-  add_daemon_options(*sub, std::shared_ptr<Daemon>{asked, &asked->daemon});
-  sub->callback([asked] {
+  sub.add_option("A", asked->a, "AGENT:ID").required();
+  sub.add_option("B", asked->b, "AGENT:ID").required();
+  sub.add_option("T_a_b", asked->pose, "x,y,z,qx,qy,qz,qw: maps b into a").required().comma_list(7);
+  add_daemon_options(sub, std::shared_ptr<Daemon>{asked, &asked->daemon});
+  sub.run([asked] {
     Json question{{"command", "add"}, {"T_a_b", asked->pose}};
     question.update(maplet_of(asked->a, "agent_a", "id_a"));
     question.update(maplet_of(asked->b, "agent_b", "id_b"));
@@ -113,17 +108,17 @@ void add_closure_add(CLI::App& closure) {
   });
 }
 
-void add_closure_decide(CLI::App& closure, const char* name, const char* help, bool accept) {
+void add_closure_decide(Command closure, const char* name, const char* help, bool accept) {
   struct Decide : Asked {
     std::string a, b;
   };
   auto asked = std::make_shared<Decide>();
-  auto* sub = closure.add_subcommand(name, help);
-  sub->add_option("A", asked->a, "AGENT:ID, as closure list prints it")->required();
-  sub->add_option("B", asked->b, "AGENT:ID")->required();
-  add_daemon_options(*sub, std::shared_ptr<Daemon>{asked, &asked->daemon});
-  sub->add_flag("--json", asked->json, "the answer, as JSON");
-  sub->callback([asked, accept] {
+  const Command sub = closure.add_command(name, help);
+  sub.add_option("A", asked->a, "AGENT:ID, as closure list prints it").required();
+  sub.add_option("B", asked->b, "AGENT:ID").required();
+  add_daemon_options(sub, std::shared_ptr<Daemon>{asked, &asked->daemon});
+  sub.add_flag("--json", asked->json, "the answer, as JSON");
+  sub.run([asked, accept] {
     Json question{{"command", "decide"}, {"accept", accept}};
     question.update(maplet_of(asked->a, "agent_a", "id_a"));
     question.update(maplet_of(asked->b, "agent_b", "id_b"));
@@ -136,15 +131,15 @@ void add_closure_decide(CLI::App& closure, const char* name, const char* help, b
   });
 }
 
-void add_status(CLI::App& app) {
+void add_status(Command app) {
   auto asked = std::make_shared<Asked>();
   auto prometheus = std::make_shared<bool>(false);
-  auto* sub = app.add_subcommand("status", "How a running daemon is");
-  add_daemon_options(*sub, std::shared_ptr<Daemon>{asked, &asked->daemon});
-  auto* json = sub->add_flag("--json", asked->json, "the whole answer, as JSON");
-  sub->add_flag("--prometheus", *prometheus, "as Prometheus text, for a node exporter")
-      ->excludes(json);
-  sub->callback([asked, prometheus] {
+  const Command sub = app.add_command("status", "How a running daemon is");
+  add_daemon_options(sub, std::shared_ptr<Daemon>{asked, &asked->daemon});
+  const Argument json = sub.add_flag("--json", asked->json, "the whole answer, as JSON");
+  sub.add_flag("--prometheus", *prometheus, "as Prometheus text, for a node exporter")
+      .excludes(json);
+  sub.run([asked, prometheus] {
     const Json status = ask(asked->daemon, {{"command", "status"}});
     if (asked->json) {
       fmt::print("{}\n", status.dump());
@@ -166,19 +161,19 @@ void print_maplets(const Json& maplets) {
   }
 }
 
-void add_set(CLI::App& app) {
+void add_set(Command app) {
   struct Set : Asked {
     std::string key, value;
   };
   auto asked = std::make_shared<Set>();
-  auto* sub = app.add_subcommand(
+  const Command sub = app.add_command(
       "set",
       "Changes a key of a running daemon until it restarts; an unknown one names those that may");
-  sub->add_option("KEY", asked->key, "as in the configuration: frame.budget_us")->required();
-  sub->add_option("VALUE", asked->value, "as in the configuration")->required();
-  add_daemon_options(*sub, std::shared_ptr<Daemon>{asked, &asked->daemon});
-  sub->add_flag("--json", asked->json, "the changes, as JSON");
-  sub->callback([asked] {
+  sub.add_option("KEY", asked->key, "as in the configuration: frame.budget_us").required();
+  sub.add_option("VALUE", asked->value, "as in the configuration").required();
+  add_daemon_options(sub, std::shared_ptr<Daemon>{asked, &asked->daemon});
+  sub.add_flag("--json", asked->json, "the changes, as JSON");
+  sub.run([asked] {
     const Json changes =
         ask(asked->daemon, {{"command", "set"}, {"key", asked->key}, {"value", asked->value}});
     if (asked->json) {
@@ -193,39 +188,36 @@ void add_set(CLI::App& app) {
   });
 }
 
-void add_radio(CLI::App& app) {
+void add_radio(Command app) {
   auto asked = std::make_shared<Asked>();
   auto state = std::make_shared<std::string>();
-  auto* sub = app.add_subcommand(
+  const Command sub = app.add_command(
       "radio", "Silences the daemon on the link to other agents (it still hears), or ends that");
-  sub->add_option("STATE", *state, "silent or on")
-      ->required()
-      ->check(CLI::IsMember({"silent", "on"}));
-  add_daemon_options(*sub, std::shared_ptr<Daemon>{asked, &asked->daemon});
-  sub->callback([asked, state] {
-    (void)ask(asked->daemon, {{"command", "radio"}, {"state", *state}});
-  });
+  sub.add_option("STATE", *state, "silent or on").required().one_of({"silent", "on"});
+  add_daemon_options(sub, std::shared_ptr<Daemon>{asked, &asked->daemon});
+  sub.run([asked, state] { (void)ask(asked->daemon, {{"command", "radio"}, {"state", *state}}); });
 }
 
 }  // namespace
 
-void add_daemon_commands(CLI::App& app) {
+void add_daemon_commands(Command app) {
   add_status(app);
   add_question(app, "peers", "The other agents that a running daemon hears", "peers",
                [](const Json& peers) {
                  for (const Json& peer : peers) print_peer(peer);
                  if (peers.empty()) fmt::print("nobody was heard yet\n");
                });
-  auto* closure = app.add_subcommand("closure", "Places seen again: list, reject, restore, add");
-  closure->require_subcommand(1);
-  add_question(*closure, "list", "The closures in the skeleton, with residual and weight",
+  const Command closure =
+      app.add_command("closure", "Places seen again: list, reject, restore, add");
+  closure.require_command();
+  add_question(closure, "list", "The closures in the skeleton, with residual and weight",
                "closures", print_closures);
-  add_closure_decide(*closure, "reject",
+  add_closure_decide(closure, "reject",
                      "Takes the closures between two maplets out of the skeleton of this agent; "
                      "maps that only they held together come apart",
                      false);
-  add_closure_decide(*closure, "restore", "Lets them count again, whatever the agent thinks", true);
-  add_closure_add(*closure);
+  add_closure_decide(closure, "restore", "Lets them count again, whatever the agent thinks", true);
+  add_closure_add(closure);
   add_why(app);
   add_question(app, "maplets", "The maplets in the skeleton, and where they are", "maplets",
                print_maplets);

@@ -98,27 +98,27 @@ void run(const Options& options) {
 
 }  // namespace
 
-void add_draw(CLI::App& app) {
+void add_draw(Command app) {
   auto options = std::make_shared<Options>();
-  CLI::App* command =
-      app.add_subcommand("draw",
-                         "Draws what mapletd --out left in a folder, seen from above: map.svg and "
-                         "map.png, and map.ply "
-                         "for 3-D viewers. Several folders are several agents of one world");
-  command->add_option("folders", options->folders, "Folders that mapletd --out wrote")
-      ->required()
-      ->type_name("DIR");
+  const Command command =
+      app.add_command("draw",
+                      "Draws what mapletd --out left in a folder, seen from above: map.svg and "
+                      "map.png, and map.ply "
+                      "for 3-D viewers. Several folders are several agents of one world");
+  command.add_option("folders", options->folders, "Folders that mapletd --out wrote")
+      .required()
+      .type_name("DIR");
   command
-      ->add_option("--up", options->up,
-                   "Which way is up: 'auto' (from what was seen) or x,y,z in the first camera's "
-                   "frame")
-      ->type_name("auto|X,Y,Z")
-      ->capture_default_str();
-  command->add_option("--title", options->title, "Headline; default: Map")->type_name("TEXT");
-  command->add_option("--out", options->out, "One picture, *.svg or *.png, instead of all files")
-      ->type_name("FILE");
-  command->add_flag("--json", options->json, "One line of JSON: files and figures");
-  command->callback([options] { run(*options); });
+      .add_option("--up", options->up,
+                  "Which way is up: 'auto' (from what was seen) or x,y,z in the first camera's "
+                  "frame")
+      .type_name("auto|X,Y,Z")
+      .show_default();
+  command.add_option("--title", options->title, "Headline; default: Map").type_name("TEXT");
+  command.add_option("--out", options->out, "One picture, *.svg or *.png, instead of all files")
+      .type_name("FILE");
+  command.add_flag("--json", options->json, "One line of JSON: files and figures");
+  command.run([options] { run(*options); });
 }
 
 }  // namespace maplet::ctl

@@ -65,20 +65,20 @@ void run(const Options& options) {
 
 }  // namespace
 
-void add_eval(CLI::App& app) {
+void add_eval(Command app) {
   auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand(
+  const Command command = app.add_command(
       "eval",
       "Compares an estimated trajectory with the truth: absolute error (ATE, after a rigid "
       "alignment without scale) and relative error (RPE) per frame and over 1 s, all rms");
-  command->add_option("--truth", options->truth, "TUM file: stamp x y z qx qy qz qw")
-      ->required()
-      ->type_name("FILE");
-  command->add_option("--estimate", options->estimate, "TUM file, for example trajectory.tum")
-      ->required()
-      ->type_name("FILE");
-  command->add_flag("--json", options->json, "One line of JSON");
-  command->callback([options] { run(*options); });
+  command.add_option("--truth", options->truth, "TUM file: stamp x y z qx qy qz qw")
+      .required()
+      .type_name("FILE");
+  command.add_option("--estimate", options->estimate, "TUM file, for example trajectory.tum")
+      .required()
+      .type_name("FILE");
+  command.add_flag("--json", options->json, "One line of JSON");
+  command.run([options] { run(*options); });
 }
 
 }  // namespace maplet::ctl

@@ -84,22 +84,22 @@ void run(const Options& options) {
 
 }  // namespace
 
-void add_export(CLI::App& app) {
+void add_export(Command app) {
   auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand(
+  const Command command = app.add_command(
       "export", "Writes a run or a maplet for other programs: meshes, pose graphs, trajectories");
-  command->add_option("input", options->input, "Folder of mapletd --out, or NNNN.maplet")
-      ->required()
-      ->check(CLI::ExistingPath)
-      ->type_name("DIR|FILE");
-  command->add_option("--ply", options->ply, "Coloured quads: what was seen of each plane")
-      ->type_name("FILE");
-  command->add_option("--g2o", options->g2o, "The skeleton (folders only)")->type_name("FILE");
+  command.add_option("input", options->input, "Folder of mapletd --out, or NNNN.maplet")
+      .required()
+      .existing_path()
+      .type_name("DIR|FILE");
+  command.add_option("--ply", options->ply, "Coloured quads: what was seen of each plane")
+      .type_name("FILE");
+  command.add_option("--g2o", options->g2o, "The skeleton (folders only)").type_name("FILE");
   command
-      ->add_option("--tum", options->tum,
-                   "The camera's trajectory; of a maplet its keyframes, in its own frame")
-      ->type_name("FILE");
-  command->callback([options] { run(*options); });
+      .add_option("--tum", options->tum,
+                  "The camera's trajectory; of a maplet its keyframes, in its own frame")
+      .type_name("FILE");
+  command.run([options] { run(*options); });
 }
 
 }  // namespace maplet::ctl

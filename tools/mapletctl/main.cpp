@@ -20,30 +20,27 @@ bool is_pipe(int fd) {
 
 int main(int argc, char** argv) {
   using namespace maplet::ctl;
-  CLI::App app{"mapletctl: looks at recordings, maplets, skeletons and a running mapletd"};
-  app.require_subcommand(1);
-  add_daemon_commands(app);
-  app.set_version_flag("--version", "mapletctl " MAPLET_VERSION);
-  add_check(app);
-  add_draw(app);
-  add_eval(app);
-  add_export(app);
-  add_match(app);
-  add_patches(app);
-  add_patches_eval(app);
-  add_register(app);
-  add_show(app);
-  add_simulate(app);
-  add_solve(app);
-  add_top(app);
-  add_version(app);
-  add_watch(app);
+  int code = 0;
   try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    if (e.get_exit_code() == 0) return app.exit(e);
-    fmt::print(stderr, "mapletctl: {} (mapletctl --help, mapletctl COMMAND --help)\n", e.what());
-    return 2;
+    code = run_command_line(
+        argc, argv, "mapletctl: looks at recordings, maplets, skeletons and a running mapletd",
+        [](Command app) {
+          add_daemon_commands(app);
+          add_check(app);
+          add_draw(app);
+          add_eval(app);
+          add_export(app);
+          add_match(app);
+          add_patches(app);
+          add_patches_eval(app);
+          add_register(app);
+          add_show(app);
+          add_simulate(app);
+          add_solve(app);
+          add_top(app);
+          add_version(app);
+          add_watch(app);
+        });
   } catch (const Failure& e) {
     fmt::print(stderr, "mapletctl: {}\n", e.what());
     return e.exit_code;
@@ -55,5 +52,5 @@ int main(int argc, char** argv) {
     fmt::print(stderr, "mapletctl: standard output: cannot be written; make room or name a file\n");
     return 1;
   }
-  return 0;
+  return code;
 }

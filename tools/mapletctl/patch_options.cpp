@@ -47,18 +47,17 @@ void set_field(PatchConfig& config, const std::string& assignment) {
 
 }  // namespace
 
-void PatchOptions::add_to(CLI::App& command) {
+void PatchOptions::add_to(Command command) {
   command.add_option("--budget-us", budget_us_, "Wall time of a frame; 0 = as long as it takes")
-      ->check(CLI::NonNegativeNumber);
+      .non_negative();
   command.add_option("--max-patches", max_patches_, "Patches of a frame at most")
-      ->check(CLI::Range(1, static_cast<int>(kMaxPatches)));
+      .range(1, static_cast<int>(kMaxPatches));
   command
       .add_option("--noise", noise_,
                   "Kind of sensor that a recording or camera is: its typical noise model")
-      ->check(CLI::IsMember(
-          std::vector<std::string>{kSensorKindNames.begin(), kSensorKindNames.end()}));
+      .one_of({kSensorKindNames.begin(), kSensorKindNames.end()});
   command.add_option("--set", set_, "A setting of the patches stage, without its section")
-      ->type_name("KEY=VALUE");
+      .type_name("KEY=VALUE");
   std::string footer = "Settings (--set KEY=VALUE):\n";
   for (const Field<PatchConfig>& field : PatchConfig::kFields) {
     footer += fmt::format("  {:<20}{} ({} to {})\n", field.key, field.help, field.min, field.max);

@@ -1,7 +1,6 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <chrono>
 #include <string>
 #include <vector>
@@ -10,13 +9,14 @@
 #include "core/frame/sensor_kind.hpp"
 #include "core/patches/patch_config.hpp"
 #include "drivers/source.hpp"
+#include "tools/mapletctl/command_line.hpp"
 
 namespace maplet::ctl {
 
 /// The extractor's settings on the command line: shared by patches and patches-eval.
 class PatchOptions {
  public:
-  void add_to(CLI::App& command);
+  void add_to(Command command);
   /// Throws Failure for a key or value that makes no sense.
   [[nodiscard]] PatchConfig config() const;
   /// The noise model of sources that do not tell their own.

@@ -137,25 +137,23 @@ void run(const Options& options) {
 
 }  // namespace
 
-void add_patches(CLI::App& app) {
+void add_patches(Command app) {
   auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand(
+  const Command command = app.add_command(
       "patches",
       "Finds the planes of each frame: OUT/labels/NNNNNN.png (plane id of each pixel, 0 = none), "
       "OUT/patches.jsonl and, on request, OUT/pictures/");
-  command->add_option("source", options->source, "For example tum:DIR or 'sim:room?frames=20'")
-      ->required()
-      ->type_name("URI");
-  command->add_option("--out", options->out, "Folder for the results")
-      ->required()
-      ->type_name("DIR");
-  command->add_option("--frames", options->frames, "Stop after so many; 0 = all");
-  command->add_option("--decimate", options->decimate, "Keep every n-th pixel")
-      ->check(CLI::IsMember({1, 2, 4}));
-  command->add_flag("--draw", options->draw, "A picture of each frame");
-  command->add_flag("--json", options->json, "The lines of patches.jsonl on standard output too");
-  options->patches.add_to(*command);
-  command->callback([options] { run(*options); });
+  command.add_option("source", options->source, "For example tum:DIR or 'sim:room?frames=20'")
+      .required()
+      .type_name("URI");
+  command.add_option("--out", options->out, "Folder for the results").required().type_name("DIR");
+  command.add_option("--frames", options->frames, "Stop after so many; 0 = all");
+  command.add_option("--decimate", options->decimate, "Keep every n-th pixel")
+      .one_of({"1", "2", "4"});
+  command.add_flag("--draw", options->draw, "A picture of each frame");
+  command.add_flag("--json", options->json, "The lines of patches.jsonl on standard output too");
+  options->patches.add_to(command);
+  command.run([options] { run(*options); });
 }
 
 }  // namespace maplet::ctl

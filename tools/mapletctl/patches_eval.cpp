@@ -116,24 +116,24 @@ void run(const Options& options) {
 
 }  // namespace
 
-void add_patches_eval(CLI::App& app) {
+void add_patches_eval(Command app) {
   auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand(
+  const Command command = app.add_command(
       "patches-eval",
       "Scores plane extraction over sources: time, coverage and residuals; where the truth is "
       "known "
       "(sim:, recordings by simulate) also correct, over-, under-segmented, missed and noise "
       "regions (Hoover, 80 % overlap, regions of "
       "500 pixels and more), errors of the planes and consistency of their covariance");
-  command->add_option("sources", options->sources, "For example 'sim:room?seed=2&frames=20'")
-      ->required()
-      ->type_name("URI");
-  command->add_option("--frames", options->frames, "Of each source at most; 0 = all");
-  command->add_option("--decimate", options->decimate, "Keep every n-th pixel")
-      ->check(CLI::IsMember({1, 2, 4}));
-  options->patches.add_to(*command);
-  command->add_flag("--json", options->json, "One line of JSON");
-  command->callback([options] { run(*options); });
+  command.add_option("sources", options->sources, "For example 'sim:room?seed=2&frames=20'")
+      .required()
+      .type_name("URI");
+  command.add_option("--frames", options->frames, "Of each source at most; 0 = all");
+  command.add_option("--decimate", options->decimate, "Keep every n-th pixel")
+      .one_of({"1", "2", "4"});
+  options->patches.add_to(command);
+  command.add_flag("--json", options->json, "One line of JSON");
+  command.run([options] { run(*options); });
 }
 
 }  // namespace maplet::ctl

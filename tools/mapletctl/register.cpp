@@ -130,23 +130,22 @@ void run(const Options& options) {
 
 }  // namespace
 
-void add_register(CLI::App& app) {
+void add_register(Command app) {
   auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand(
-      "register", "Aligns two maplets by their planes and says how sure that is");
-  command->add_option("a", options->a, "NNNN.maplet")->required()->type_name("A");
-  command->add_option("b", options->b, "NNNN.maplet")->required()->type_name("B");
+  const Command command =
+      app.add_command("register", "Aligns two maplets by their planes and says how sure that is");
+  command.add_option("a", options->a, "NNNN.maplet").required().type_name("A");
+  command.add_option("b", options->b, "NNNN.maplet").required().type_name("B");
   command
-      ->add_option("--guess", options->guess,
-                   "T_a_b = x,y,z,qx,qy,qz,qw; default: a keyframe that both hold, else the same "
-                   "place")
-      ->delimiter(',')
-      ->expected(7)
-      ->type_name("POSE");
-  command->add_option("--budget-us", options->budget_us, "Stop after this time; 0 = when done")
-      ->check(CLI::NonNegativeNumber);
-  command->add_flag("--json", options->json, "One line of JSON");
-  command->callback([options] { run(*options); });
+      .add_option("--guess", options->guess,
+                  "T_a_b = x,y,z,qx,qy,qz,qw; default: a keyframe that both hold, else the same "
+                  "place")
+      .comma_list(7)
+      .type_name("POSE");
+  command.add_option("--budget-us", options->budget_us, "Stop after this time; 0 = when done")
+      .non_negative();
+  command.add_flag("--json", options->json, "One line of JSON");
+  command.run([options] { run(*options); });
 }
 
 }  // namespace maplet::ctl

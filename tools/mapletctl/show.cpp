@@ -68,18 +68,18 @@ void print_table(const Maplet& m, std::size_t bytes) {
 
 }  // namespace
 
-void add_show(CLI::App& app) {
+void add_show(Command app) {
   struct Options {
     std::string file;
     bool json = false;
   };
   auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand("show", "Prints what a .maplet file holds");
-  command->add_option("file", options->file, "NNNN.maplet, as mapletd --out writes")
-      ->required()
-      ->type_name("FILE");
-  command->add_flag("--json", options->json, "One line of JSON");
-  command->callback([options] {
+  const Command command = app.add_command("show", "Prints what a .maplet file holds");
+  command.add_option("file", options->file, "NNNN.maplet, as mapletd --out writes")
+      .required()
+      .type_name("FILE");
+  command.add_flag("--json", options->json, "One line of JSON");
+  command.run([options] {
     const auto maplet = files::read_maplet(options->file);
     const std::size_t bytes = files::read_bytes(options->file).size();
     options->json ? print_json(*maplet, bytes) : print_table(*maplet, bytes);

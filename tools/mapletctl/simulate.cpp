@@ -118,21 +118,21 @@ void run(const Options& options) {
 
 }  // namespace
 
-void add_simulate(CLI::App& app) {
+void add_simulate(Command app) {
   auto options = std::make_shared<Options>();
-  CLI::App* command = app.add_subcommand(
-      "simulate",
-      "Writes a simulated recording in TUM layout with its truth: groundtruth.txt, "
-      "labels/, planes.jsonl");
-  command->footer(fmt::format("Worlds: {}\nKeys of sim:WORLD?key=value&...:\n{}",
-                              sim::world_names(), sim::describe_options()));
-  command->add_option("uri", options->uri, "For example 'sim:room?seed=2&frames=100'")
-      ->required()
-      ->type_name("URI");
-  command->add_option("--out", options->out, "Folder to write to")->required()->type_name("DIR");
-  command->add_flag("--truth-only", options->truth_only, "Only groundtruth.txt, no images");
-  command->add_flag("--json", options->json, "One line of JSON");
-  command->callback([options] { run(*options); });
+  const Command command =
+      app.add_command("simulate",
+                      "Writes a simulated recording in TUM layout with its truth: groundtruth.txt, "
+                      "labels/, planes.jsonl");
+  command.footer(fmt::format("Worlds: {}\nKeys of sim:WORLD?key=value&...:\n{}", sim::world_names(),
+                             sim::describe_options()));
+  command.add_option("uri", options->uri, "For example 'sim:room?seed=2&frames=100'")
+      .required()
+      .type_name("URI");
+  command.add_option("--out", options->out, "Folder to write to").required().type_name("DIR");
+  command.add_flag("--truth-only", options->truth_only, "Only groundtruth.txt, no images");
+  command.add_flag("--json", options->json, "One line of JSON");
+  command.run([options] { run(*options); });
 }
 
 }  // namespace maplet::ctl

@@ -111,29 +111,28 @@ void run(Options options) {
 
 }  // namespace
 
-void add_solve(CLI::App& app) {
+void add_solve(Command app) {
   auto options = std::make_shared<Options>();
-  CLI::App* c = app.add_subcommand(
+  const Command c = app.add_command(
       "solve", "Solves pose graphs with the skeleton's engine; the last line is JSON");
-  c->add_option("INPUT", options->inputs,
-                "g2o or .pyfg files, several are several agents of one graph; or an MRCLAM folder")
-      ->required()
-      ->type_name("FILE|DIR");
-  c->add_flag("--incremental", options->incremental,
-              "A pose at a time with its edges, in time order (the default)");
-  c->add_flag("--batch", options->solve.batch, "All at once, from the file's own vertices");
-  c->add_flag("--robust", options->solve.robust, "Decide which closures to believe");
-  c->add_option("--budget-us", options->budget_us, "Thread CPU time a step may take")
-      ->check(CLI::PositiveNumber);
-  c->add_option("--idle-steps", options->solve.idle_steps, "Steps after the last pose")
-      ->check(CLI::NonNegativeNumber);
-  c->add_option("--max-nodes", options->solve.max_nodes, "Nodes kept; sized from the file if 0")
-      ->check(CLI::NonNegativeNumber);
-  c->add_option("--out", options->out, "Write the solved graph as g2o")->type_name("FILE");
-  c->add_option("--trace", options->trace, "Write a line for each step")->type_name("FILE.csv");
+  c.add_option("INPUT", options->inputs,
+               "g2o or .pyfg files, several are several agents of one graph; or an MRCLAM folder")
+      .required()
+      .type_name("FILE|DIR");
+  c.add_flag("--incremental", options->incremental,
+             "A pose at a time with its edges, in time order (the default)");
+  c.add_flag("--batch", options->solve.batch, "All at once, from the file's own vertices");
+  c.add_flag("--robust", options->solve.robust, "Decide which closures to believe");
+  c.add_option("--budget-us", options->budget_us, "Thread CPU time a step may take").positive();
+  c.add_option("--idle-steps", options->solve.idle_steps, "Steps after the last pose")
+      .non_negative();
+  c.add_option("--max-nodes", options->solve.max_nodes, "Nodes kept; sized from the file if 0")
+      .non_negative();
+  c.add_option("--out", options->out, "Write the solved graph as g2o").type_name("FILE");
+  c.add_option("--trace", options->trace, "Write a line for each step").type_name("FILE.csv");
   static bool json_anyway = false;
-  c->add_flag("--json", json_anyway, "The last line is JSON anyway");
-  c->callback([options] { run(*options); });
+  c.add_flag("--json", json_anyway, "The last line is JSON anyway");
+  c.run([options] { run(*options); });
 }
 
 }  // namespace maplet::ctl

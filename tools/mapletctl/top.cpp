@@ -76,16 +76,17 @@ void run(const Options& options) {
 
 }  // namespace
 
-void add_top(CLI::App& app) {
+void add_top(Command app) {
   auto options = std::make_shared<Options>();
-  auto* sub = app.add_subcommand("top", "Watches a running daemon: rates, stages, memory, peers");
-  add_daemon_options(*sub, std::shared_ptr<Daemon>{options, &options->daemon});
-  sub->add_option("--every-s", options->every_s, "between two looks")
-      ->check(CLI::Range(0.1, 3600.0))
-      ->capture_default_str();
-  sub->add_option("--count", options->count, "ends after so many looks; 0 = Ctrl-C ends it")
-      ->check(CLI::NonNegativeNumber);
-  sub->callback([options] { run(*options); });
+  const Command sub =
+      app.add_command("top", "Watches a running daemon: rates, stages, memory, peers");
+  add_daemon_options(sub, std::shared_ptr<Daemon>{options, &options->daemon});
+  sub.add_option("--every-s", options->every_s, "between two looks")
+      .range(0.1, 3600.0)
+      .show_default();
+  sub.add_option("--count", options->count, "ends after so many looks; 0 = Ctrl-C ends it")
+      .non_negative();
+  sub.run([options] { run(*options); });
 }
 
 }  // namespace maplet::ctl

@@ -5,8 +5,8 @@
 
 namespace maplet::ctl {
 
-void add_version(CLI::App& app) {
-  app.add_subcommand("version", "Prints the version")->callback([] {
+void add_version(Command app) {
+  app.add_command("version", "Prints the version").run([] {
     fmt::print("mapletctl " MAPLET_VERSION "\n");
   });
 }

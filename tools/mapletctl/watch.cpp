@@ -125,26 +125,24 @@ void run(const Options& options) {
 
 }  // namespace
 
-void add_watch(CLI::App& app) {
+void add_watch(Command app) {
   auto options = std::make_shared<Options>();
-  auto* command = app.add_subcommand(
+  const Command command = app.add_command(
       "watch", "Prints what the local DDS domain carries, a line per message, until Ctrl-C");
-  command->add_option("--domain", options->dds.domain, "DDS domain (the daemon's dds.domain)")
-      ->check(CLI::Range(0, 230))
-      ->capture_default_str();
-  command->add_option("--interface", options->dds.interface, "network interface")
-      ->capture_default_str();
-  command->add_option("--peer", options->dds.peers, "address of another host to look at");
-  command->add_option("--kind", options->kinds, "what to print")
-      ->delimiter(',')
-      ->check(CLI::IsMember({"delta-pose", "maplet", "status"}))
-      ->capture_default_str();
-  command->add_option("--count", options->count, "ends after so many messages");
-  command->add_option("--timeout-s", options->timeout_s, "ends after so many seconds")
-      ->check(CLI::PositiveNumber);
-  command->add_flag("--json", options->json,
-                    "JSON lines; delta-poses exactly as in delta_poses.jsonl");
-  command->callback([options] { run(*options); });
+  command.add_option("--domain", options->dds.domain, "DDS domain (the daemon's dds.domain)")
+      .range(0, 230)
+      .show_default();
+  command.add_option("--interface", options->dds.interface, "network interface").show_default();
+  command.add_option("--peer", options->dds.peers, "address of another host to look at");
+  command.add_option("--kind", options->kinds, "what to print")
+      .comma_list()
+      .one_of({"delta-pose", "maplet", "status"})
+      .show_default();
+  command.add_option("--count", options->count, "ends after so many messages");
+  command.add_option("--timeout-s", options->timeout_s, "ends after so many seconds").positive();
+  command.add_flag("--json", options->json,
+                   "JSON lines; delta-poses exactly as in delta_poses.jsonl");
+  command.run([options] { run(*options); });
 }
 
 }  // namespace maplet::ctl

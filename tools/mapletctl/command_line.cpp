@@ -1,0 +1,136 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#include "tools/mapletctl/command_line.hpp"
+
+#include <fmt/core.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+
+namespace maplet::ctl {
+
+Argument& Argument::required() {
+  option_->required();
+  return *this;
+}
+
+Argument& Argument::type_name(const std::string& name) {
+  option_->type_name(name);
+  return *this;
+}
+
+Argument& Argument::show_default() {
+  option_->capture_default_str();
+  return *this;
+}
+
+Argument& Argument::range(int min, int max) {
+  option_->check(CLI::Range(min, max));
+  return *this;
+}
+
+Argument& Argument::range(double min, double max) {
+  option_->check(CLI::Range(min, max));
+  return *this;
+}
+
+Argument& Argument::positive() {
+  option_->check(CLI::PositiveNumber);
+  return *this;
+}
+
+Argument& Argument::non_negative() {
+  option_->check(CLI::NonNegativeNumber);
+  return *this;
+}
+
+Argument& Argument::one_of(const std::vector<std::string>& values) {
+  option_->check(CLI::IsMember(values));
+  return *this;
+}
+
+Argument& Argument::existing_path() {
+  option_->check(CLI::ExistingPath);
+  return *this;
+}
+
+Argument& Argument::existing_folder() {
+  option_->check(CLI::ExistingDirectory);
+  return *this;
+}
+
+Argument& Argument::comma_list(int count) {
+  option_->delimiter(',');
+  if (count > 0) option_->expected(count);
+  return *this;
+}
+
+Argument& Argument::one_each() {
+  option_->allow_extra_args(false);
+  return *this;
+}
+
+Argument& Argument::excludes(const Argument& other) {
+  option_->excludes(other.option_);
+  return *this;
+}
+
+Command Command::add_command(const std::string& name, const std::string& help) const {
+  return Command{app_->add_subcommand(name, help)};
+}
+
+void Command::require_command() const { app_->require_subcommand(1); }
+
+Argument Command::add_option(const std::string& name, int& value, const std::string& help) const {
+  return Argument{app_->add_option(name, value, help)};
+}
+
+Argument Command::add_option(const std::string& name, std::uint64_t& value,
+                             const std::string& help) const {
+  return Argument{app_->add_option(name, value, help)};
+}
+
+Argument Command::add_option(const std::string& name, double& value,
+                             const std::string& help) const {
+  return Argument{app_->add_option(name, value, help)};
+}
+
+Argument Command::add_option(const std::string& name, std::string& value,
+                             const std::string& help) const {
+  return Argument{app_->add_option(name, value, help)};
+}
+
+Argument Command::add_option(const std::string& name, std::vector<double>& value,
+                             const std::string& help) const {
+  return Argument{app_->add_option(name, value, help)};
+}
+
+Argument Command::add_option(const std::string& name, std::vector<std::string>& value,
+                             const std::string& help) const {
+  return Argument{app_->add_option(name, value, help)};
+}
+
+Argument Command::add_flag(const std::string& name, bool& value, const std::string& help) const {
+  return Argument{app_->add_flag(name, value, help)};
+}
+
+void Command::footer(const std::string& text) const { app_->footer(text); }
+
+void Command::run(std::function<void()> what) const { app_->callback(std::move(what)); }
+
+int run_command_line(int argc, char** argv, const std::string& about,
+                     const std::function<void(Command)>& add_commands) {
+  CLI::App app{about};
+  app.require_subcommand(1);
+  app.set_version_flag("--version", "mapletctl " MAPLET_VERSION);
+  add_commands(Command{&app});
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    if (e.get_exit_code() == 0) return app.exit(e);
+    fmt::print(stderr, "mapletctl: {} (mapletctl --help, mapletctl COMMAND --help)\n", e.what());
+    return 2;
+  }
+  return 0;
+}
+
+}  // namespace maplet::ctl
