@@ -18,21 +18,19 @@ double view_distance(const Se3& a, const Se3& b) noexcept {
 
 }  // namespace
 
-KeyframePool::KeyframePool(const OdometryConfig& config, Arena& arena) : config_{config} {
-  for (auto& slot : slots_) slot = arena.make<Slot>("odometry/keyframe", arena);
-}
-
-Keyframe& KeyframePool::begin_add(const Se3& T_odom_camera) noexcept {
-  filling_ = used_ < kSlots ? used_ : least_worth(T_odom_camera);
-  return slots_[filling_]->keyframe;
+KeyframePool::KeyframePool(const OdometryConfig& config, Arena& arena)
+    : config_{config}, newest_keyframe_{arena.make<Keyframe>("odometry/keyframe")} {
+  for (auto& slot : slots_) slot = arena.make<Slot>("odometry/view", facets_of(config), arena);
 }
 
 const Keyframe& KeyframePool::commit() noexcept {
-  Slot& slot = *slots_[filling_];
-  slot.view.assign(slot.keyframe.patches, config_);
-  newest_ = filling_;
-  used_ = std::max(used_, filling_ + 1);
-  return slot.keyframe;
+  const Keyframe& keyframe = *newest_keyframe_;
+  newest_ = used_ < kSlots ? used_ : least_worth(keyframe.T_odom_camera.se3);
+  Slot& slot = *slots_[newest_];
+  slot.place = {keyframe.id, keyframe.segment, keyframe.T_odom_camera.se3};
+  slot.view.assign(keyframe.patches, config_);
+  used_ = std::max(used_, newest_ + 1);
+  return keyframe;
 }
 
 // Half of the slots hold the nearest views; of the far ones the farthest goes first.
@@ -41,7 +39,7 @@ std::size_t KeyframePool::least_worth(const Se3& T_odom_camera) const noexcept {
   double worst_distance = -1.0;
   for (std::size_t i = 0; i < used_; ++i) {
     if (i == newest_) continue;
-    const double distance = view_distance(keyframe(i).T_odom_camera.se3, T_odom_camera);
+    const double distance = view_distance(place(i).T_odom_camera, T_odom_camera);
     if (distance > worst_distance) {
       worst = i;
       worst_distance = distance;
@@ -57,12 +55,12 @@ KeyframePool::References KeyframePool::references(const PatchView& frame,
   std::array<std::size_t, kSlots> older{};
   std::size_t count = 0;
   for (std::size_t i = 0; i < used_; ++i) {
-    if (i == newest_ || keyframe(i).segment != newest().segment) continue;
-    const Se3 T_slot_camera = keyframe(i).T_odom_camera.se3.inverse() * T_odom_camera;
+    if (i == newest_ || place(i).segment != newest().segment) continue;
+    const Se3 T_slot_camera = place(i).T_odom_camera.inverse() * T_odom_camera;
     if (frame.share_on(slots_[i]->view, T_slot_camera) >= kMinSharedView) older[count++] = i;
   }
   std::sort(older.begin(), older.begin() + count,
-            [&](std::size_t a, std::size_t b) { return keyframe(a).id < keyframe(b).id; });
+            [&](std::size_t a, std::size_t b) { return place(a).id < place(b).id; });
   for (std::size_t i = 0; i < count; ++i) {
     if (out.size() == static_cast<std::size_t>(config_.references)) break;
     out.push_back(reference(older[i]));

@@ -16,7 +16,7 @@ namespace maplet {
 
 /// The newest keyframe and older ones near it, so that drift stops when the view returns.
 ///
-/// Memory   fixed, from the arena: kSlots keyframes with their views.
+/// Memory   fixed, from the arena: kSlots views, and the newest keyframe with its patches.
 /// Time     add(): copies one PatchSet; references(): O(slots).
 /// Threads  one caller at a time.
 class KeyframePool {
@@ -25,18 +25,24 @@ class KeyframePool {
 
   KeyframePool(const OdometryConfig& config, Arena& arena);
 
-  /// A free slot's keyframe, or that of the one least worth keeping; call commit() once filled.
-  [[nodiscard]] Keyframe& begin_add(const Se3& T_odom_camera) noexcept;
+  /// Where each view was taken.
+  struct Place {
+    std::uint32_t id = 0;
+    std::uint32_t segment = 0;
+    Se3 T_odom_camera;
+  };
+
+  /// The newest keyframe is filled anew; then commit() gives its view a free slot, or that of the
+  /// one least worth keeping.
+  [[nodiscard]] Keyframe& begin_add() noexcept { return *newest_keyframe_; }
   const Keyframe& commit() noexcept;
 
   [[nodiscard]] bool empty() const noexcept { return used_ == 0; }
   [[nodiscard]] std::size_t size() const noexcept { return used_; }
-  [[nodiscard]] const Keyframe& newest() const noexcept { return slots_[newest_]->keyframe; }
-  [[nodiscard]] const Keyframe& keyframe(std::size_t slot) const noexcept {
-    return slots_[slot]->keyframe;
-  }
+  [[nodiscard]] const Keyframe& newest() const noexcept { return *newest_keyframe_; }
+  [[nodiscard]] const Place& place(std::size_t slot) const noexcept { return slots_[slot]->place; }
   [[nodiscard]] Reference reference(std::size_t slot) const noexcept {
-    return {&slots_[slot]->view, slots_[slot]->keyframe.T_odom_camera.se3.inverse()};
+    return {&slots_[slot]->view, slots_[slot]->place.T_odom_camera.inverse()};
   }
 
   /// The newest keyframe, then the oldest ones of its segment that a camera at T_odom_camera shares
@@ -47,18 +53,18 @@ class KeyframePool {
 
  private:
   struct Slot {
-    explicit Slot(Arena& arena) : view{arena} {}
-    Keyframe keyframe;
+    Slot(std::size_t facets, Arena& arena) : view{facets, arena} {}
+    Place place;
     PatchView view;
   };
 
   [[nodiscard]] std::size_t least_worth(const Se3& T_odom_camera) const noexcept;
 
   OdometryConfig config_;
+  Arena::Owned<Keyframe> newest_keyframe_;
   std::array<Arena::Owned<Slot>, kSlots> slots_;
   std::size_t used_ = 0;
   std::size_t newest_ = 0;
-  std::size_t filling_ = 0;
 };
 
 }  // namespace maplet

@@ -1,6 +1,8 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstddef>
+
 #include "core/base/field.hpp"
 
 namespace maplet {
@@ -85,5 +87,10 @@ struct OdometryConfig {
        "A keyframe is due when the pose's entropy per degree of freedom grew by this, in nats"},
   };
 };
+
+/// Of a frame's patches, as many are kept as the fine iterations use.
+[[nodiscard]] constexpr std::size_t facets_of(const OdometryConfig& config) noexcept {
+  return static_cast<std::size_t>(config.max_patches);
+}
 
 }  // namespace maplet

@@ -17,8 +17,8 @@ constexpr double kFineM = 0.0025;
 constexpr double kFineRad = 0.001;
 constexpr std::size_t kHalfway = 400;  // patches between the coarse stage and all
 constexpr int kStepsPerAssociation = 2;
-constexpr double kStepM = 2e-4;
-constexpr double kStepRad = 1e-4;
+constexpr double kStepM = 5e-4;
+constexpr double kStepRad = 2.5e-4;
 constexpr double kMaxChi2PerDof = 2.5;
 
 // How far parts of the evidence pull apart (eq. 15), whitened by the whole.
@@ -41,7 +41,7 @@ bool usable(const Alignment& alignment, const OdometryConfig& config) noexcept {
 
 PatchAligner::PatchAligner(const OdometryConfig& config, Arena& arena)
     : config_{config},
-      pairs_{arena.make_array<FacetPair>(kMaxPatches * kMaxReferences, "odometry/pairs")} {
+      pairs_{arena.make_array<FacetPair>(facets_of(config) * kMaxReferences, "odometry/pairs")} {
   scale_ << Eigen::Vector3d::Constant(config_.free_m), Eigen::Vector3d::Constant(config_.free_rad);
 }
 

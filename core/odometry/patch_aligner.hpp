@@ -65,7 +65,7 @@ struct Alignment {
 /// Aligns a frame's patches to those of keyframes: projective association, Mahalanobis distance of
 /// inverse-depth planes, heavy tails, Gauss-Newton. Intensities may join in.
 ///
-/// Memory   fixed, from the arena: kMaxPatches pairs a reference.
+/// Memory   fixed, from the arena: config.max_patches pairs a reference.
 /// Time     O(iterations * references * patches); overruns the deadline by one iteration at most.
 /// Threads  one caller at a time.
 /// Math     docs/math/odometry.md, eq. 1-8, 13-15.

@@ -25,8 +25,8 @@ Sym3 invert(const Eigen::Matrix3d& information) noexcept {
 
 }  // namespace
 
-PatchView::PatchView(Arena& arena)
-    : facets_{arena.make_array<Facet>(kMaxPatches, "odometry/facets")},
+PatchView::PatchView(std::size_t facets, Arena& arena)
+    : facets_{arena.make_array<Facet>(facets, "odometry/facets")},
       order_{arena.make_array<std::uint16_t>(kMaxPatches, "odometry/facet-order")},
       grid_{arena.make_array<std::uint16_t>(kMaxColumns * kMaxRows, "odometry/facet-grid")} {}
 
@@ -41,7 +41,7 @@ void PatchView::assign(const PatchSet& set, const OdometryConfig& config) noexce
     const auto pixels_b = set.patches[b].pixels;
     return pixels_a != pixels_b ? pixels_a > pixels_b : a < b;
   });
-  const std::size_t kept = std::min(count, static_cast<std::size_t>(config.max_patches));
+  const std::size_t kept = std::min({count, facets_.size(), facets_of(config)});
   for (std::size_t i = 0; i < kept; ++i) {
     const Patch& patch = set.patches[order_[i]];
     const double pixels = patch.pixels;

@@ -28,13 +28,14 @@ struct Facet {
 
 /// A frame's patches as the alignment reads them: the largest first, and which one lies at a pixel.
 ///
-/// Memory  fixed, from the arena: kMaxPatches facets and a grid of at most 160 x 128 cells.
+/// Memory  fixed, from the arena: `facets` facets and a grid of at most 160 x 128 cells.
 /// Time    assign(): O(patches log patches + cells); at(): O(1).
 class PatchView {
  public:
   static constexpr int kNone = -1;
 
-  explicit PatchView(Arena& arena);
+  /// @param facets  kept of a frame, the largest
+  PatchView(std::size_t facets, Arena& arena);
 
   void assign(const PatchSet& patches, const OdometryConfig& config) noexcept;
 

@@ -41,7 +41,9 @@ bool within_gate(const Se3& T_expected_found, Matrix6d covariance) noexcept {
 }  // namespace
 
 Relocaliser::Relocaliser(const OdometryConfig& config, Arena& arena)
-    : config_{config}, drawn_{arena.make<PatchSet>("odometry/drawn view")}, drawn_view_{arena} {}
+    : config_{config},
+      drawn_{arena.make<PatchSet>("odometry/drawn view")},
+      drawn_view_{facets_of(config), arena} {}
 
 bool Relocaliser::recognise(const PatchView& frame, const Reference& reference,
                             PatchAligner& aligner, PhotoTerm& no_photo, Deadline deadline,
@@ -66,7 +68,7 @@ bool Relocaliser::run(const PatchView& frame, const KeyframePool& pool, PatchAli
     const std::size_t index = stored ? next_ - pool.size() : next_;
     const StoredView at =
         stored ? views_->at(index)
-               : StoredView{pool.keyframe(index).T_odom_camera.se3, pool.keyframe(index).segment};
+               : StoredView{pool.place(index).T_odom_camera, pool.place(index).segment};
     const bool same = at.segment == whereabouts.segment;
     if (same ? !whereabouts.this_segment : !whereabouts.other_segments) continue;
     const Matrix6d covariance =

@@ -3,13 +3,17 @@
 
 namespace maplet {
 
-/// What is seen over what was to be expected, forgetting slowly. Begins at 1.
+/// What is seen over what was to be expected, forgetting slowly.
 class RunningRatio {
  public:
-  constexpr RunningRatio(double frames, double prior) noexcept
-      : keep_{1.0 - 1.0 / frames}, prior_{prior} {}
+  /// @param frames  after which something is forgotten
+  /// @param prior   as much was expected before the first frame, and `begin` times as much seen
+  constexpr RunningRatio(double frames, double prior, double begin = 1.0) noexcept
+      : keep_{1.0 - 1.0 / frames}, prior_{prior}, seen_{(begin - 1.0) * prior} {}
 
+  /// Nothing expected is nothing learnt.
   void add(double seen, double expected) noexcept {
+    if (expected <= 0.0) return;
     seen_ = keep_ * seen_ + seen;
     expected_ = keep_ * expected_ + expected;
   }
@@ -17,8 +21,8 @@ class RunningRatio {
 
  private:
   double keep_;
-  double prior_;  ///< as much as was expected before the first frame, and as much seen
-  double seen_ = 0.0;
+  double prior_;
+  double seen_;
   double expected_ = 0.0;
 };
 

@@ -19,6 +19,8 @@ constexpr double kBetterOverlap = 1.1;
 // The keyframes' disagreement, eq. 15.
 constexpr double kDisagreementFrames = 200.0;
 constexpr double kDisagreementPrior = 6.0;
+// Before two keyframes overlap nobody knows; of an ideal sensor 1 would be right, of real ones 10.
+constexpr double kFirstDisagreement = 4.0;
 constexpr double kLeastDisagreement = 0.7;
 
 double log_determinant(const Matrix6d& information) noexcept {
@@ -42,14 +44,14 @@ struct Tracker::Guess {
 
 Tracker::Tracker(const OdometryConfig& config, Arena& arena)
     : config_{config},
-      views_{PatchView{arena}, PatchView{arena}},
+      views_{PatchView{facets_of(config), arena}, PatchView{facets_of(config), arena}},
       aligner_{config, arena},
       pool_{config, arena},
       photo_{config.gray, arena},
       relocaliser_{config, arena},
       filter_{config},
       hints_{config},
-      disagreement_{kDisagreementFrames, kDisagreementPrior} {}
+      disagreement_{kDisagreementFrames, kDisagreementPrior, kFirstDisagreement} {}
 
 Track Tracker::run(const DepthFrame& frame, const PatchSet& patches, Deadline deadline) noexcept {
   Track track;
@@ -231,7 +233,7 @@ bool Tracker::keyframe_due(const Track& track, const Alignment& alignment) noexc
 
 const Keyframe& Tracker::make_keyframe(const DepthFrame& frame, const PatchSet& patches,
                                        const Track& track) noexcept {
-  Keyframe& keyframe = pool_.begin_add(track.T_odom_camera.se3);
+  Keyframe& keyframe = pool_.begin_add();
   keyframe.id = next_id_++;
   keyframe.segment = segment_;
   keyframe.blind_spells = blind_spells_;

@@ -74,6 +74,14 @@ TEST(RunningRatio, BeginsAtOneAndFollowsWhatIsSeen) {
   EXPECT_NEAR(ratio.value(), 1.0, 0.1);
 }
 
+TEST(RunningRatio, KeepsWhatItBeganWithUntilSomethingIsSeen) {
+  RunningRatio ratio{50.0, 6.0, 4.0};
+  for (int i = 0; i < 100; ++i) ratio.add(0.0, 0.0);
+  EXPECT_DOUBLE_EQ(ratio.value(), 4.0);
+  for (int i = 0; i < 200; ++i) ratio.add(1.0, 1.0);
+  EXPECT_NEAR(ratio.value(), 1.0, 0.1);
+}
+
 TEST(Sym3, AgreesWithFullMatrices) {
   const Eigen::Matrix3d root = Eigen::Matrix3d::Random();
   const Eigen::Matrix3d full = root * root.transpose() + Eigen::Matrix3d::Identity();
