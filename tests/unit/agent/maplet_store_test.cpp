@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <vector>
 
 namespace maplet {
@@ -45,6 +46,33 @@ TEST_F(Store, TakesEachOnceAndNoneTooLarge) {
   EXPECT_FALSE(put(own(0), some_bytes(10, 2)));
   EXPECT_EQ(store_.find(own(0))->size(), 9u);
   EXPECT_EQ(store_.count(), 1u);
+}
+
+// Long ones take the room of several: whatever is still found is what was put, newest first.
+TEST(StoreOfUnequalMaplets, KeepsTheNewestThatFit) {
+  Arena arena{1 << 20};
+  MapletStore store{8, 9000, arena};  // 32 KiB
+  std::uint32_t random = 7;
+  std::vector<std::size_t> sizes;
+  for (std::uint32_t id = 0; id < 500; ++id) {
+    random = random * 1664525u + 1013904223u;
+    sizes.push_back(1 + (random >> 8) % 9000);
+    ASSERT_TRUE(store.put(own(id), some_bytes(sizes.back(), static_cast<int>(id % 251))));
+    std::size_t kept = 0;
+    std::size_t bytes = 0;
+    for (; kept <= id; ++kept) {
+      const std::uint32_t other = id - static_cast<std::uint32_t>(kept);
+      const auto found = store.find(own(other));
+      if (!found) break;
+      ASSERT_EQ(found->size(), sizes[other]);
+      for (const std::byte byte : *found) ASSERT_EQ(byte, std::byte(other % 251));
+      bytes += found->size();
+    }
+    EXPECT_EQ(store.forgotten(), id + 1 - kept);
+    if (kept < std::min<std::size_t>(8, id + 1)) {  // at most one's length at either end is lost
+      EXPECT_GT(bytes, 32768u - 2 * 9000u) << id;
+    }
+  }
 }
 
 TEST_F(Store, AgentsDoNotHideEachOther) {
