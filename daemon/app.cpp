@@ -53,7 +53,8 @@ App::App(const Options& options, const Config& config)
       start_{monotonic_.now()},
       budget_{config.agent.frame.budget},
       given_{budget_} {
-  if (pace_ != Pace::kFast) frames_ = std::make_unique<FramePool>();
+  if (pace_ != Pace::kFast)
+    frames_ = std::make_unique<FramePool>(config.agent.limits.image().pixels());
   if (options.dds) radio_ = std::make_unique<RadioLink>(config, identity_, arena_);
   const bool locked = arena_.seal(config.realtime.lock_memory);
   memory_ = std::make_unique<MemoryStatus>(arena_, locked);

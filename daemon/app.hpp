@@ -53,6 +53,7 @@ class App {
   // app_open.cpp: start-up; exit codes.
   [[nodiscard]] int open();
   [[nodiscard]] int open_source(bool again);  // the service waits here for a camera
+  [[nodiscard]] bool has_room_for(const DepthSource& source) const;
   void take_source(std::unique_ptr<DepthSource> source);
   void close_source();
   [[nodiscard]] SourceCounters source_counters() const;

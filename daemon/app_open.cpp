@@ -1,5 +1,8 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 // mapletd's start: the source, the folder, DDS, the control socket.
+#include <fmt/format.h>
+
+#include <algorithm>
 #include <chrono>
 #include <thread>
 
@@ -59,6 +62,7 @@ int App::open_source(bool again) {
   while (true) {
     auto opened = maplet::open_source(config_.input.source, options);
     if (opened) {
+      if (!has_room_for(**opened)) return kExitUsage;
       take_source(std::move(*opened));
       return kExitDone;
     }
@@ -82,6 +86,18 @@ int App::open_source(bool again) {
       std::this_thread::sleep_for(std::chrono::milliseconds{100});
     }
   }
+}
+
+bool App::has_room_for(const DepthSource& source) const {
+  const ImageSize largest = config_.agent.limits.image();
+  const auto size = source.size();
+  if (!size || largest.holds(size->width_px, size->height_px)) return true;
+  log_error(fmt::format(
+      "{}: its images are {} x {} pixels, and memory is reserved for {} x {}: set "
+      "limits.image_width_px = {} and limits.image_height_px = {}",
+      config_.input.source, size->width_px, size->height_px, largest.width_px, largest.height_px,
+      std::max(size->width_px, largest.width_px), std::max(size->height_px, largest.height_px)));
+  return false;
 }
 
 SourceCounters App::source_counters() const {

@@ -21,11 +21,11 @@ Duration now_of(clockid_t clock) noexcept {
 }
 
 template <class Pixel>
-bool copy(ImageView<Pixel>& image, Pixel* to) noexcept {
+bool copy(ImageView<Pixel>& image, Pixel* to, std::size_t most) noexcept {
   if (image.empty()) return true;
   const auto width = static_cast<std::size_t>(image.width_px);
   const auto height = static_cast<std::size_t>(image.height_px);
-  if (width * height > FramePool::kPixels) return false;
+  if (width * height > most) return false;
   for (std::size_t v = 0; v < height; ++v) {
     std::copy_n(image.row(static_cast<int>(v)), width, to + v * width);
   }
@@ -35,10 +35,10 @@ bool copy(ImageView<Pixel>& image, Pixel* to) noexcept {
 
 }  // namespace
 
-FramePool::FramePool() {
+FramePool::FramePool(std::size_t pixels) : pixels_{pixels} {
   for (Slot& slot : slots_) {
-    slot.depth = std::make_unique_for_overwrite<std::uint16_t[]>(kPixels);
-    slot.gray = std::make_unique_for_overwrite<std::uint8_t[]>(kPixels);
+    slot.depth = std::make_unique_for_overwrite<std::uint16_t[]>(pixels);
+    slot.gray = std::make_unique_for_overwrite<std::uint8_t[]>(pixels);
   }
 }
 
@@ -87,7 +87,8 @@ bool CaptureThread::fill(const DepthFrame& frame) noexcept {
   slot.frame = frame;
   ImageView<std::uint8_t>& gray =
       frame.gray.empty() ? slot.frame.gray_beside.pixels : slot.frame.gray;
-  return copy(slot.frame.depth, slot.depth.get()) && copy(gray, slot.gray.get());
+  return copy(slot.frame.depth, slot.depth.get(), pool_.pixels()) &&
+         copy(gray, slot.gray.get(), pool_.pixels());
 }
 
 void CaptureThread::offer(ReadCost cost) noexcept {

@@ -9,7 +9,6 @@
 #include <mutex>
 #include <thread>
 
-#include "core/limits.hpp"
 #include "core/ports/depth_source.hpp"
 #include "daemon/pacer.hpp"
 #include "drivers/line.hpp"
@@ -23,7 +22,6 @@ namespace maplet::daemon {
 class FramePool {
  public:
   static constexpr std::size_t kFrames = 3;
-  static constexpr std::size_t kPixels = kMaxWidthPx * kMaxHeightPx;
 
   struct Slot {
     std::unique_ptr<std::uint16_t[]> depth;
@@ -31,7 +29,9 @@ class FramePool {
     DepthFrame frame;
   };
 
-  FramePool();
+  /// @param pixels  of the largest frame
+  explicit FramePool(std::size_t pixels);
+  [[nodiscard]] std::size_t pixels() const noexcept { return pixels_; }
   [[nodiscard]] Slot& slot(std::size_t index) noexcept { return slots_[index]; }
 
   /// What the frames of a camera of so many pixels take.
@@ -40,6 +40,7 @@ class FramePool {
   }
 
  private:
+  std::size_t pixels_;
   std::array<Slot, kFrames> slots_;
 };
 

@@ -22,7 +22,7 @@ constexpr std::size_t kMiB = std::size_t{1} << 20;
 constexpr std::size_t kKiB = std::size_t{1} << 10;
 
 // Measured, and rounded up: docs/memory.md.
-constexpr std::size_t kParticipantBytes = 2 * kMiB;  // one Cyclone participant, idle
+constexpr std::size_t kParticipantBytes = 1280 * kKiB;  // one Cyclone participant, idle
 constexpr std::size_t kKeptDeltaPoseBytes = 4400;    // a sample in a writer's history
 constexpr std::size_t kQueueBytes = 768 * kKiB;      // the publisher's
 constexpr std::size_t kStackBytes = 128 * kKiB;      // what a thread touches of its stack
@@ -51,10 +51,7 @@ void add_beside(MemoryLedger& ledger, const Config& config, bool dds) {
     add(ledger, "dds/maplet history", static_cast<std::size_t>(config.dds.maplet_history),
         static_cast<std::size_t>(config.agent.maplet.max_bytes));
   }
-  const bool known = config.camera.width_px > 0 && config.camera.height_px > 0;
-  const std::size_t pixels = known ? static_cast<std::size_t>(config.camera.width_px) *
-                                         static_cast<std::size_t>(config.camera.height_px)
-                                   : 640 * 480;
+  const std::size_t pixels = config.agent.limits.image().pixels();
   add(ledger, "capture/frames", 1, FramePool::bytes(pixels));
   if (config.input.source.empty() || config.input.source.starts_with("openni2:")) {
     add(ledger, "openni2/frames", kCameraFrames, pixels * 2);

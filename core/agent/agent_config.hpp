@@ -3,6 +3,7 @@
 
 #include "core/base/field.hpp"
 #include "core/frame/decimator.hpp"
+#include "core/frame/image_size.hpp"
 #include "core/limits.hpp"
 #include "core/maplet/config.hpp"
 #include "core/odometry/odometry_config.hpp"
@@ -37,12 +38,20 @@ struct FrameConfig {
 struct LimitsConfig {
   int own_maplets = 512;
   int foreign_maplets = 1024;
+  int image_width_px = 640;
+  int image_height_px = 480;
+
+  [[nodiscard]] ImageSize image() const noexcept { return {image_width_px, image_height_px}; }
 
   static constexpr Field<LimitsConfig> kFields[] = {
       {"own_maplets", &LimitsConfig::own_maplets, 2, 65536,
        "Maplets of this agent kept in memory; beyond it the oldest goes, counted"},
       {"foreign_maplets", &LimitsConfig::foreign_maplets, 1, 65536,
        "Maplets of other agents kept to find common places; beyond it the oldest goes"},
+      {"image_width_px", &LimitsConfig::image_width_px, 16, kMaxWidthPx,
+       "Widest image a source may have: memory is reserved for it"},
+      {"image_height_px", &LimitsConfig::image_height_px, 16, kMaxHeightPx,
+       "Highest image a source may have"},
   };
 };
 

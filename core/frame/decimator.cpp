@@ -3,8 +3,6 @@
 
 #include <algorithm>
 
-#include "core/limits.hpp"
-
 namespace maplet {
 
 namespace {
@@ -26,9 +24,10 @@ ImageView<Pixel> decimate(const ImageView<Pixel>& in, int step, std::span<Pixel>
 
 }  // namespace
 
-Decimator::Decimator(const DecimatorConfig& config, Arena& arena) : step_{config.step} {
+Decimator::Decimator(const DecimatorConfig& config, Arena& arena, const ImageSize& largest)
+    : step_{config.step} {
   if (step_ == 1) return;
-  const std::size_t pixels = kMaxWidthPx / step_ * (kMaxHeightPx / step_);
+  const std::size_t pixels = largest.decimated(step_).pixels();
   depth_ = arena.make_array<std::uint16_t>(pixels, "frame/decimated depth");
   gray_ = arena.make_array<std::uint8_t>(pixels, "frame/decimated gray");
 }

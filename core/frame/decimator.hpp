@@ -7,6 +7,7 @@
 #include "core/base/arena.hpp"
 #include "core/base/field.hpp"
 #include "core/frame/depth_frame.hpp"
+#include "core/frame/image_size.hpp"
 
 namespace maplet {
 
@@ -26,10 +27,10 @@ struct DecimatorConfig {
 /// Time    one pass over the kept pixels.
 class Decimator {
  public:
-  Decimator(const DecimatorConfig& config, Arena& arena);
+  Decimator(const DecimatorConfig& config, Arena& arena, const ImageSize& largest = kLargestImage);
 
   /// @return the frame itself for step 1; otherwise a loan until the next call. A frame that is
-  ///   larger than kMaxWidthPx x kMaxHeightPx comes back empty.
+  ///   larger than `largest` comes back empty.
   [[nodiscard]] DepthFrame run(const DepthFrame& frame) noexcept;
 
  private:

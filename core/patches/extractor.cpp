@@ -55,12 +55,12 @@ constexpr double kSquaredSteps = kInverseDepthSteps * kInverseDepthSteps;
 
 }  // namespace
 
-PatchExtractor::PatchExtractor(const PatchConfig& config, Arena& arena)
+PatchExtractor::PatchExtractor(const PatchConfig& config, Arena& arena, const ImageSize& largest)
     : config_{config},
-      pyramid_{config, arena},
+      pyramid_{config, largest, arena},
       tree_{config, arena},
       merger_{config, arena},
-      refiner_{arena},
+      refiner_{largest, arena},
       candidate_of_region_{arena.make_array<std::int16_t>(Merger::kMaxRegions, "patches/numbers")},
       largest_{arena.make_array<std::int16_t>(Merger::kMaxRegions, "patches/order")},
       plane_of_candidate_{

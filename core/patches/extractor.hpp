@@ -23,7 +23,7 @@ namespace maplet {
 /// Math     docs/math/patches.md
 class PatchExtractor {
  public:
-  PatchExtractor(const PatchConfig& config, Arena& arena);
+  PatchExtractor(const PatchConfig& config, Arena& arena, const ImageSize& largest = kLargestImage);
 
   /// Any frame has a result: sizes over the limits, cameras without focal length and frames without
   /// a return give an empty one.

@@ -8,7 +8,10 @@ namespace maplet {
 
 namespace {
 
-constexpr std::size_t kMaxBlocks = (kMaxWidthPx / kBlockPx + 1) * (kMaxHeightPx / kBlockPx + 1);
+std::size_t blocks_of(const ImageSize& image) noexcept {
+  const ImageSize blocks = image.decimated(kBlockPx);
+  return blocks.pixels();
+}
 
 /// Below this the rounding of 1/Z to steps is no longer small against the noise.
 constexpr double kLeastSigmaSteps = 1.0;
@@ -40,11 +43,12 @@ int bit_reversed(unsigned value, int bits) noexcept {
 
 }  // namespace
 
-Pyramid::Pyramid(const PatchConfig& config, Arena& arena)
+Pyramid::Pyramid(const PatchConfig& config, const ImageSize& largest, Arena& arena)
     : config_{config},
+      largest_{largest},
       sum_blocks_{block_variants().back().sum},
       nodes_{arena.make_array<PyramidNode>(kMaxFrameCells * 4 / 3 + 1, "patches/pyramid")},
-      blocks_{arena.make_array<BlockSums>(kMaxBlocks, "patches/blocks")},
+      blocks_{arena.make_array<BlockSums>(blocks_of(largest), "patches/blocks")},
       cell_fits_{arena.make_array<Fit>(kMaxFrameCells, "patches/planes of cells")},
       quarters_{arena.make_array<PyramidNode>(kMaxSplitCells * 4, "patches/quarters")},
       quarter_fits_{arena.make_array<Fit>(kMaxSplitCells * 4, "patches/planes of quarters")},
@@ -80,7 +84,7 @@ bool Pyramid::lay_out(const DepthFrame& frame) noexcept {
   split_count_ = 0;
   cells_wide_ = cells_high_ = padded_width_ = padded_height_ = 0;
   if (frame.depth.empty() || width_px_ <= 0 || height_px_ <= 0 ||
-      width_px_ > static_cast<int>(kMaxWidthPx) || height_px_ > static_cast<int>(kMaxHeightPx)) {
+      !largest_.holds(width_px_, height_px_)) {
     return false;
   }
   while (!try_cells(cell_px_)) cell_px_ *= 2;

@@ -9,6 +9,7 @@
 #include "core/base/arena.hpp"
 #include "core/base/deadline.hpp"
 #include "core/frame/depth_frame.hpp"
+#include "core/frame/image_size.hpp"
 #include "core/patches/block.hpp"
 #include "core/patches/moments.hpp"
 #include "core/patches/patch_config.hpp"
@@ -43,7 +44,7 @@ class Pyramid {
   static constexpr int kCellLevel = 1;
   static constexpr std::size_t kMaxSplitCells = 2048;
 
-  Pyramid(const PatchConfig& config, Arena& arena);
+  Pyramid(const PatchConfig& config, const ImageSize& largest, Arena& arena);
 
   /// Reads the frame. Rows of cells come in an order that spreads over the image, so that a cut
   /// leaves no half of it unseen.
@@ -124,6 +125,7 @@ class Pyramid {
   }
 
   PatchConfig config_;
+  ImageSize largest_;
   BlockRowFunction sum_blocks_;
   std::span<PyramidNode> nodes_;
   std::span<BlockSums> blocks_;  ///< row by row, blocks_wide_ in each

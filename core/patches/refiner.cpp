@@ -20,15 +20,14 @@ constexpr double kPixelSigmas = 3.0;
 
 }  // namespace
 
-Refiner::Refiner(Arena& arena)
+Refiner::Refiner(const ImageSize& largest, Arena& arena)
     : assign_{best_assign_function()},
       sum_{block_variants().back().sum},
       plane_of_cell_{arena.make_array<std::uint8_t>(kMaxFrameCells, "patches/plane of cell")},
       looked_{arena.make_array<std::uint8_t>(kMaxFrameCells, "patches/border cells")},
       nearby_{arena.make_array<std::uint8_t>(kMaxFrameCells * kMaxNearby, "patches/nearby planes")},
       reach_{arena.make_array<std::uint8_t>(3 * kMaxFrameCells + 16, "patches/reach")},
-      pixel_planes_{
-          arena.make_array<std::uint8_t>(kMaxWidthPx * kMaxHeightPx, "patches/pixel labels")},
+      pixel_planes_{arena.make_array<std::uint8_t>(largest.pixels(), "patches/pixel labels")},
       planes_{arena.make_array<Candidate>(kMaxCandidates, "patches/plane candidates")},
       names_{arena.make_array<std::uint8_t>(kNone + 1, "patches/plane names")} {}
 

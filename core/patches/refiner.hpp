@@ -8,6 +8,7 @@
 #include "core/base/arena.hpp"
 #include "core/base/deadline.hpp"
 #include "core/frame/depth_frame.hpp"
+#include "core/frame/image_size.hpp"
 #include "core/limits.hpp"
 #include "core/patches/assign.hpp"
 #include "core/patches/moments.hpp"
@@ -41,7 +42,7 @@ class Refiner {
   static constexpr std::uint8_t kNone = 0xFF;
   static constexpr std::size_t kMaxCandidates = 250;
 
-  explicit Refiner(Arena& arena);
+  Refiner(const ImageSize& largest, Arena& arena);
 
   /// Starts a frame. name_cell(), hint_cell() and planes() are then the caller's to fill.
   void begin(const Pyramid& pyramid, std::size_t planes) noexcept;

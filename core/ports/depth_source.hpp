@@ -8,6 +8,7 @@
 #include "core/base/deadline.hpp"
 #include "core/base/expected.hpp"
 #include "core/frame/depth_frame.hpp"
+#include "core/frame/image_size.hpp"
 
 namespace maplet {
 
@@ -39,6 +40,9 @@ class DepthSource {
 
   /// How many frames the recording holds, where that is known.
   [[nodiscard]] virtual std::optional<std::uint64_t> length() const noexcept { return {}; }
+
+  /// The size of its depth images, where it is known before the first one.
+  [[nodiscard]] virtual std::optional<ImageSize> size() const noexcept { return {}; }
 };
 
 }  // namespace maplet

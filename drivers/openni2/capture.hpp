@@ -34,6 +34,9 @@ class Capture final : public DepthSource {
   [[nodiscard]] SourceCounters counters() const noexcept override { return counters_; }
   [[nodiscard]] std::string_view detail() const noexcept override { return view(detail_); }
   [[nodiscard]] std::optional<std::uint64_t> length() const noexcept override { return length_; }
+  [[nodiscard]] std::optional<ImageSize> size() const noexcept override {
+    return ImageSize{frame_.camera.width_px, frame_.camera.height_px};
+  }
 
  private:
   using Setup = tl::expected<void, SourceError>;

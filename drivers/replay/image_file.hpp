@@ -11,18 +11,10 @@
 
 #include "core/base/expected.hpp"
 #include "core/frame/depth_frame.hpp"
+#include "core/frame/image_size.hpp"
 #include "drivers/line.hpp"
 
 namespace maplet {
-
-struct ImageSize {
-  int width_px = 0;
-  int height_px = 0;
-  [[nodiscard]] std::size_t pixels() const noexcept {
-    return static_cast<std::size_t>(width_px) * static_cast<std::size_t>(height_px);
-  }
-  friend bool operator==(const ImageSize&, const ImageSize&) = default;
-};
 
 /// What is wrong with which image, in one line. Memory: no heap.
 struct ImageError {

@@ -51,6 +51,9 @@ class TumSource final : public DepthSource {
   [[nodiscard]] std::optional<std::uint64_t> length() const noexcept override {
     return entries_.size();
   }
+  [[nodiscard]] std::optional<ImageSize> size() const noexcept override {
+    return ImageSize{frame_.camera.width_px, frame_.camera.height_px};
+  }
 
  private:
   struct Entry {

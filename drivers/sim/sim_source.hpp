@@ -32,6 +32,9 @@ class SimSource final : public DepthSource {
   [[nodiscard]] Expected<DepthFrame> next(Deadline deadline) noexcept override;
   [[nodiscard]] SourceCounters counters() const noexcept override { return counters_; }
   [[nodiscard]] std::optional<std::uint64_t> length() const noexcept override { return frames_; }
+  [[nodiscard]] std::optional<ImageSize> size() const noexcept override {
+    return ImageSize{camera_.width_px, camera_.height_px};
+  }
 
   /// The next call of next() makes frame `index`.
   void seek(std::uint64_t index) noexcept { next_ = index; }

@@ -136,6 +136,14 @@ TEST_F(BadRecording, ImageSizeThatDiffersNamesBoth) {
   EXPECT_THAT(refused.err, AllOf(HasSubstr("640"), HasSubstr("320")));
 }
 
+TEST_F(BadRecording, ImagesThatThereIsNoRoomForNameTheRemedy) {
+  const Finished refused = map_it(uri(), out_, {"--set", "limits.image_width_px=160"});
+  EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_THAT(refused.err, AllOf(HasSubstr("320 x 240"), HasSubstr("160 x 480"),
+                                 HasSubstr("limits.image_width_px = 320")));
+  EXPECT_FALSE(fs::exists(out_));
+}
+
 TEST_F(BadRecording, MissingIntrinsicsNameTheRemedy) {
   fs::remove(source_ / "camera.toml");
   const Finished refused = map_it(uri(), out_);

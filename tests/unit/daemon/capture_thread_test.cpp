@@ -57,7 +57,7 @@ std::vector<std::uint64_t> drain(CaptureThread& capture, Duration work) {
 }
 
 TEST(CaptureThread, GivesEveryFrameToWhoIsQuick) {
-  FramePool pool;
+  FramePool pool{640 * 480};
   CaptureThread capture{std::make_unique<Counting>(20, 5ms), Pace::kLive, pool, [] {}};
   EXPECT_EQ(capture.length(), 20U);
   const auto indices = drain(capture, 0ms);
@@ -66,7 +66,7 @@ TEST(CaptureThread, GivesEveryFrameToWhoIsQuick) {
 }
 
 TEST(CaptureThread, TheNewestWinsAndTheOthersAreCounted) {
-  FramePool pool;
+  FramePool pool{640 * 480};
   CaptureThread capture{std::make_unique<Counting>(60, 2ms), Pace::kLive, pool, [] {}};
   const auto indices = drain(capture, 20ms);
   EXPECT_EQ(indices.back(), 59U);
@@ -77,7 +77,7 @@ TEST(CaptureThread, TheNewestWinsAndTheOthersAreCounted) {
 }
 
 TEST(CaptureThread, RecordedPaceKeepsTheStamps) {
-  FramePool pool;
+  FramePool pool{640 * 480};
   const auto begin = std::chrono::steady_clock::now();
   CaptureThread capture{std::make_unique<Counting>(21), Pace::kRecorded, pool, [] {}};
   drain(capture, 0ms);
@@ -85,7 +85,7 @@ TEST(CaptureThread, RecordedPaceKeepsTheStamps) {
 }
 
 TEST(CaptureThread, EndsWhileTheSourceGoesOn) {
-  FramePool pool;
+  FramePool pool{640 * 480};
   CaptureThread capture{std::make_unique<Counting>(1'000'000), Pace::kRecorded, pool, [] {}};
   EXPECT_TRUE(capture.next(Deadline::never()));
 }
