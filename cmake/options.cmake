@@ -45,6 +45,9 @@ target_compile_options(
 # Eigen's alignment must not follow a file's instruction set: one layout in every object file.
 target_compile_definitions(maplet_options INTERFACE EIGEN_MAX_ALIGN_BYTES=16 EIGEN_MPL2_ONLY
                                                     MAPLET_VERSION="${PROJECT_VERSION}")
+# What is installed holds no function that nobody calls.
+add_compile_options($<$<CONFIG:Release>:-ffunction-sections> $<$<CONFIG:Release>:-fdata-sections>)
+add_link_options($<$<CONFIG:Release>:-Wl,--gc-sections>)
 if(MAPLET_FUZZ)
   add_compile_options(-fsanitize=fuzzer-no-link)
 endif()

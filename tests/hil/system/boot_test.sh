@@ -1,6 +1,6 @@
 #!/bin/bash
 # Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
-# Boots a small Debian 12 with systemd in a container, the install tree inside and the synthetic
+# Boots a small Debian 12 with systemd in a container, the package installed inside and the synthetic
 # camera behind the real OpenNI2 runtime, and looks at the service there (proof.sh).
 #   boot_test.sh BUILD_DIR SYNTH_RUNTIME [CYCLES]
 # As root. Needs mmdebstrap and systemd-container (tools/setup system); minutes and the network.
@@ -35,7 +35,9 @@ root=$work/root
 mkdir "$root"
 tar -C "$root" -xf "$base"
 
-DESTDIR=$root cmake --install "$build" --prefix /usr >/dev/null
+(cd "$build" && cpack -B "$work/package" >"$work/cpack.log" 2>&1) || { cat "$work/cpack.log"; exit 1; }
+cp "$work"/package/mapletd_*.deb "$root/mapletd.deb"
+chroot "$root" dpkg -i /mapletd.deb >"$work/dpkg.log" 2>&1 || { cat "$work/dpkg.log"; exit 1; }
 mkdir -p "$root/opt/proof" "$root/opt/synth/OpenNI2/Drivers"
 runtime=$(readlink -f "$synth/libOpenNI2.so.0")
 ln -s "$runtime" "$root/opt/synth/libOpenNI2.so.0"
@@ -61,7 +63,6 @@ ExecStart=/opt/proof/proof.sh $cycles
 [Install]
 WantedBy=multi-user.target
 EOF
-systemd-sysusers --root="$root" >/dev/null
 systemctl --root="$root" --quiet enable mapletd proof
 systemctl --root="$root" --quiet mask systemd-networkd-wait-online.service
 

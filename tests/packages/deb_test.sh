@@ -1,0 +1,81 @@
+#!/bin/bash
+# Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+# Packs the build as a .deb and takes it through its life in a bare Debian 12 without systemd: install,
+# run, upgrade over an edited configuration, remove, purge.
+#   deb_test.sh BUILD_DIR
+# As root. Needs mmdebstrap (tools/setup system) and, the first time, the network. lintian where it is.
+set -eu
+build=$1
+command -v mmdebstrap >/dev/null || { echo "SKIPPED: no mmdebstrap (tools/setup system)"; exit 0; }
+[[ $(id -u) = 0 ]] || { echo "SKIPPED: not root"; exit 0; }
+
+failed=0
+claim() { # WORDS COMMAND...
+  local words=$1
+  shift
+  if "$@" >"$work/said" 2>&1; then
+    echo "PASS  $words"
+  else
+    echo "FAIL  $words"
+    sed 's/^/      /' "$work/said"
+    failed=1
+  fi
+}
+
+work=$(mktemp -d "${TMPDIR:-/var/tmp}/mapletd-deb.XXXXXX")
+trap 'rm -rf --one-file-system "$work"' EXIT
+(cd "$build" && cpack -B "$work" >"$work/cpack.log" 2>&1) || { cat "$work/cpack.log"; exit 1; }
+deb=$(ls "$work"/mapletd_*.deb)
+needs=$(dpkg-deb -f "$deb" Depends | sed 's/([^)]*)//g; s/ //g')
+
+cache=${XDG_CACHE_HOME:-$HOME/.cache}/mapletd
+base=$cache/deb-$(echo "$needs" | md5sum | cut -c1-12).tar
+mkdir -p "$cache"
+if [[ ! -f $base ]]; then
+  echo "making a bare Debian root with what the package depends on"
+  mmdebstrap --quiet --format=tar --variant=minbase --include="$needs" bookworm "$base.new" ||
+    { rm -f "$base.new"; exit 1; }
+  mv "$base.new" "$base"
+fi
+root=$work/root
+mkdir "$root"
+tar -C "$root" -xf "$base"
+inside() { chroot "$root" "$@"; }
+
+if command -v lintian >/dev/null; then
+  claim "lintian finds no error" lintian --allow-root --fail-on error --no-tag-display-limit "$deb"
+else
+  echo "SKIPPED  lintian is not here"
+fi
+strip_kib=$(dpkg-deb --fsys-tarfile "$deb" | tar -tv --wildcards './usr/bin/*' | awk '{ s += $3 } END { print int(s / 1024) }')
+if grep -qx 'CMAKE_BUILD_TYPE:[A-Z]*=Release' "$build/CMakeCache.txt"; then
+  claim "programs of $strip_kib KiB, at most 6 MiB" test "$strip_kib" -le 6144
+else
+  echo "SKIPPED  the programs' size, $strip_kib KiB: not a release"
+fi
+
+cp "$deb" "$root/mapletd.deb"
+claim "it installs where there is no systemd" inside dpkg -i /mapletd.deb
+claim "its user is there" inside getent passwd mapletd
+claim "it runs" inside mapletd --source 'sim:room?frames=30&width=320' --no-dds --out /tmp/run
+claim "and left a map" test -s "$root/tmp/run/map.svg"
+claim "no camera is said in one line" bash -c "! chroot '$root' mapletd --source openni2: --no-dds --out /tmp/none"
+
+# The next version, over a configuration that its owner edited.
+echo "# mine" >>"$root/etc/mapletd/mapletd.toml"
+mkdir -p "$root/var/lib/mapletd" && touch "$root/var/lib/mapletd/map"
+dpkg-deb -R "$deb" "$work/next"
+sed -i 's/^Version: .*/&+next/' "$work/next/DEBIAN/control"
+echo "# theirs" >>"$work/next/etc/mapletd/mapletd.toml"
+dpkg-deb -b "$work/next" "$root/next.deb" >/dev/null
+claim "it upgrades" inside dpkg --force-confdef --force-confold -i /next.deb
+claim "an edited configuration stays" grep -qx "# mine" "$root/etc/mapletd/mapletd.toml"
+
+claim "it is removed" inside dpkg -r mapletd
+claim "the programs are gone" test ! -e "$root/usr/bin/mapletd"
+claim "the maps stay" test -e "$root/var/lib/mapletd/map"
+claim "it is purged" inside dpkg -P mapletd
+left=$(find "$root/etc" "$root/usr" "$root/var/lib/mapletd" \( -name '*mapletd*' -o -name '*mapletctl*' \) -not -path '*/dpkg/*' 2>/dev/null || true)
+claim "nothing is left: $left" test -z "$left"
+claim "nor its user" bash -c "! chroot '$root' getent passwd mapletd"
+exit $failed
