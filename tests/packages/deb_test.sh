@@ -6,8 +6,8 @@
 # As root. Needs mmdebstrap (tools/setup system) and, the first time, the network. lintian where it is.
 set -eu
 build=$1
-command -v mmdebstrap >/dev/null || { echo "SKIPPED: no mmdebstrap (tools/setup system)"; exit 0; }
-[[ $(id -u) = 0 ]] || { echo "SKIPPED: not root"; exit 0; }
+. "$(dirname "$0")/../support/debian_root.sh"
+needs mmdebstrap
 
 failed=0
 claim() { # WORDS COMMAND...
@@ -26,20 +26,10 @@ work=$(mktemp -d "${TMPDIR:-/var/tmp}/mapletd-deb.XXXXXX")
 trap 'rm -rf --one-file-system "$work"' EXIT
 (cd "$build" && cpack -B "$work" >"$work/cpack.log" 2>&1) || { cat "$work/cpack.log"; exit 1; }
 deb=$(ls "$work"/mapletd_*.deb)
-needs=$(dpkg-deb -f "$deb" Depends | sed 's/([^)]*)//g; s/ //g')
+depends=$(dpkg-deb -f "$deb" Depends | sed 's/([^)]*)//g; s/ //g')
 
-cache=${XDG_CACHE_HOME:-$HOME/.cache}/mapletd
-base=$cache/deb-$(echo "$needs" | md5sum | cut -c1-12).tar
-mkdir -p "$cache"
-if [[ ! -f $base ]]; then
-  echo "making a bare Debian root with what the package depends on"
-  mmdebstrap --quiet --format=tar --variant=minbase --include="$needs" bookworm "$base.new" ||
-    { rm -f "$base.new"; exit 1; }
-  mv "$base.new" "$base"
-fi
 root=$work/root
-mkdir "$root"
-tar -C "$root" -xf "$base"
+debian_root deb "$depends" "$root"
 inside() { chroot "$root" "$@"; }
 
 if command -v lintian >/dev/null; then

@@ -7,10 +7,8 @@
 set -eu
 build=$1 synth=$2 cycles=${3:-10}
 here=$(cd "$(dirname "$0")" && pwd)
-for program in mmdebstrap systemd-nspawn; do
-  command -v $program >/dev/null || { echo "SKIPPED: no $program (tools/setup system)"; exit 0; }
-done
-[[ $(id -u) = 0 ]] || { echo "SKIPPED: not root"; exit 0; }
+. "$here/../../support/debian_root.sh"
+needs mmdebstrap systemd-nspawn
 
 # The packages that hold the libraries that the programs load.
 libraries() {
@@ -19,21 +17,10 @@ libraries() {
     sed 's,^/usr,,; p; s,^,/usr,' | xargs -n1 dpkg-query -S 2>/dev/null | cut -d: -f1 | sort -u
 }
 
-cache=${XDG_CACHE_HOME:-$HOME/.cache}/mapletd
-mkdir -p "$cache"
 work=$(mktemp -d "${TMPDIR:-/var/tmp}/mapletd-boot.XXXXXX")
 trap 'rm -rf --one-file-system "$work"' EXIT
-packages=$(libraries | paste -sd,),systemd,systemd-sysv,dbus,udev,jq,procps
-base=$cache/boot-$(echo "$packages" | md5sum | cut -c1-12).tar
-if [[ ! -f $base ]]; then
-  echo "making a Debian root with systemd"
-  mmdebstrap --quiet --format=tar --variant=minbase --include="$packages" bookworm "$base.new" ||
-    { rm -f "$base.new"; exit 1; }
-  mv "$base.new" "$base"
-fi
 root=$work/root
-mkdir "$root"
-tar -C "$root" -xf "$base"
+debian_root boot "$(libraries | paste -sd,),systemd,systemd-sysv,dbus,udev,jq,procps" "$root"
 
 (cd "$build" && cpack -B "$work/package" >"$work/cpack.log" 2>&1) || { cat "$work/cpack.log"; exit 1; }
 cp "$work"/package/mapletd_*.deb "$root/mapletd.deb"
