@@ -14,19 +14,12 @@
 #include "daemon/service_notify.hpp"
 #include "daemon/signals.hpp"
 #include "daemon/thread_setup.hpp"
-#include "transport/exchange/json.hpp"
 
 namespace maplet::daemon {
 
 namespace {
 
 using namespace std::chrono_literals;
-
-MapletRecord record_of(const MapletCut& closed) {
-  return {closed.maplet.key, closed.maplet.stamp,
-          static_cast<std::uint16_t>(closed.maplet.planes.size()),
-          static_cast<std::uint16_t>(closed.maplet.keyframes.size()), closed.bytes};
-}
 
 /// What the stages are to know of the keys that are not theirs alone.
 AgentConfig agent_config(const Config& config) {
@@ -100,7 +93,9 @@ bool App::loop() {
       case Read::kFailed:
         if (output_ || open_source(true) != kExitDone) return false;
         break;
-      case Read::kNothing:
+      case Read::kNothing:  // for a second already
+        listen(kMeetings);
+        settle(Deadline{monotonic_, 1s});
         break;
       case Read::kFrame:
         if (pace_ != Pace::kFast && governor_.skips()) {
@@ -168,76 +163,10 @@ void App::process(const DepthFrame& frame) {
   if (output_) output_->frame(step);
   hand_out(step.closed);
   listen(1);
+  if (pace_ != Pace::kFast) settle(Deadline{monotonic_, budget_ - (monotonic_.now() - begin)});
   if (monotonic_.now() - last_status_ >= std::chrono::seconds{1}) {
     publish_status(governor_.degraded() ? StatusRecord::State::kDegraded
                                         : StatusRecord::State::kRunning);
-  }
-}
-
-// A finite run waits for room in the publisher's queue, so that every line of its files goes out;
-// the service never waits, and the publisher counts what it had to refuse.
-template <class Record>
-void App::publish(const Record& record) {
-  if (!publisher_) return;
-  constexpr int kTries = 1000;
-  for (int i = 0; !publisher_->publish(record) && output_ && i < kTries; ++i) {
-    std::this_thread::sleep_for(1ms);
-  }
-}
-
-void App::hand_out(const MapletCut* closed) {
-  const StageScope scope{meters_, Stage::kExchange, budget_};
-  if (closed != nullptr) {
-    if (output_) output_->maplet(*closed);
-    publish(record_of(*closed));
-    if (radio_) (void)radio_->publish(closed->maplet.key, closed->bytes, agent_->saliency());
-  }
-  for (const DeltaPoseRecord& record : records_.pending()) {
-    totals_.add(record.kind);
-    if (output_) {
-      const JsonLine line = to_json(record);
-      output_->delta_pose({line.data(), line.size()});
-    }
-    publish(record);
-    if (radio_) (void)radio_->publish(record);
-  }
-  records_.clear_pending();
-}
-
-void App::listen(int meetings) {
-  if (console_) console_->attend(*agent_, Deadline::never());
-  if (!radio_) return;
-  constexpr int kAtOnce = 16;
-  radio_->set_record_clock(last_stamp_);
-  const StageScope scope{meters_, Stage::kExchange, budget_};
-  const Deadline until = deadline(budget_);
-  DeltaPoseRecord record;
-  for (int i = 0; i < kAtOnce && radio_->heard(record); ++i) {
-    (void)agent_->hear(restore(record), until);
-  }
-  MapletKey key;
-  if (const std::size_t bytes = radio_->heard_maplet(key, maplet_bytes_)) {
-    (void)agent_->hear(key, std::span{maplet_bytes_}.first(bytes));
-  }
-  for (int i = 0; i < meetings; ++i) {
-    const bool more = agent_->meet(until);
-    hand_out(nullptr);
-    if (!more) break;
-    radio_->stay();
-  }
-}
-
-void App::rest() {
-  if (const MapletCut* closed = agent_->finish(Deadline::never())) {
-    totals_.add(*closed);
-    hand_out(closed);
-  }
-  log_info(config_.input.source + " is over: exchanging until stopped");
-  while (!stop_asked()) {
-    heart_.beat();
-    listen(kMeetings);
-    if (monotonic_.now() - last_status_ >= 1s) publish_status(StatusRecord::State::kRunning);
-    std::this_thread::sleep_for(50ms);
   }
 }
 

@@ -70,8 +70,11 @@ class App {
     return pace_ == Pace::kFast ? Deadline::never() : Deadline{monotonic_, budget};
   }
   void hand_out(const MapletCut* closed);
-  void listen(int meetings);  // to what others found out
-  void rest();                // the service has nothing to see: it goes on exchanging
+  void listen(int meetings);    // to what others found out
+  void say_what_is_near();      // which maplets of others to ask for first
+  void take_ranges();           // that programs on this robot measured
+  void settle(Deadline spare);  // the skeleton, when nothing was found out for a moment
+  void rest();                  // the service has nothing to see: it goes on exchanging
   template <class Record>
   void publish(const Record& record);
   void say_detail();  // what the source had to skip, once
@@ -112,6 +115,8 @@ class App {
   Duration budget_;  ///< of a frame
   Duration given_;   ///< of it, what the governor lets the stages have
   Instant last_status_{};
+  Instant last_near_{};
+  Instant last_news_{};  ///< something entered the skeleton
   Stamp last_stamp_{};
   bool tracking_ = false;
   int timeouts_ = 0;   ///< in a row

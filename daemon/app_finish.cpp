@@ -42,6 +42,7 @@ int App::finish() {
     log_warning("a subscriber did not take everything in time");
   }
   if (!output_) return kExitDone;
+  (void)agent_->settle(Deadline::never());
   totals_.unrelated = records_.refused();
   if (totals_.processed == 0) {
     log_error(config_.input.source + ": no usable frame; check the recording");

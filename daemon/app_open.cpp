@@ -83,6 +83,7 @@ int App::open_source(bool again) {
       if (stop_asked()) return kExitDone;
       heart_.beat();
       listen(kMeetings);
+      settle(Deadline::never());
       std::this_thread::sleep_for(std::chrono::milliseconds{100});
     }
   }

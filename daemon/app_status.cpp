@@ -12,8 +12,9 @@ using namespace std::chrono_literals;
 void App::publish_status(StatusRecord::State state) {
   last_status_ = monotonic_.now();
   const StatusRecord record = status(state);
-  board_.note(record,
-              agent_->skeleton().stop() == Stop::kConverged && (!radio_ || radio_->settled()));
+  const std::uint64_t held = radio_ ? radio_->records_digest() : 0;  // before settled is asked
+  board_.note({record, agent_->settled() && (!radio_ || radio_->settled()),
+               agent_->skeleton().records_digest(), held, agent_->range_counters()});
   if (publisher_) (void)publisher_->publish(record);
 }
 

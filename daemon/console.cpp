@@ -62,13 +62,8 @@ void Console::list_closures(const Agent& agent) noexcept {
   for (int i = 0; i < skeleton.factor_count() && closure_count_ < kMaxClosures; ++i) {
     const Skeleton::FactorView factor = skeleton.factor(i);
     if (factor.kind != DeltaPose::Kind::kClosure) continue;
-    closures_[closure_count_++] = {
-        factor.a, factor.b, factor.chi2, factor.weight, factor.T_a_b.t.norm(), false};
-  }
-  for (const DeltaPose& refused : agent.refused()) {
-    if (closure_count_ == kMaxClosures) return;
-    closures_[closure_count_++] = {refused.a, refused.b, 0.0, 0.0, refused.T_a_b.se3.t.norm(),
-                                   true};
+    closures_[closure_count_++] = {factor.a, factor.b, factor.chi2, factor.weight,
+                                   factor.T_a_b.t.norm()};
   }
 }
 

@@ -62,7 +62,6 @@ class Console {
     double chi2 = 0.0;
     double weight = 0.0;
     double length_m = 0.0;
-    bool refused = false;
   };
   struct NewClosure {
     std::uint16_t agent_a = 0;

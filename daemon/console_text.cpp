@@ -130,7 +130,7 @@ std::string Console::closures_text() {
                     {"length_m", line.length_m},
                     {"chi2", line.chi2},
                     {"weight", line.weight},
-                    {"rejected", line.refused || line.weight < 1e-3}});
+                    {"rejected", line.weight < 1e-3}});
   }
   return json.dump();
 }

@@ -18,4 +18,17 @@ std::optional<DeltaPose> OwnRecords::put(const DeltaPose& delta) noexcept {
   return restore(*record);
 }
 
+std::optional<MapletRange> OwnRecords::put(const MapletRange& range) noexcept {
+  std::uint32_t& seq = next_seq_[static_cast<std::size_t>(Stream::kRanges)];
+  const auto record = quantise(range, identity_.agent, identity_.epoch, seq);
+  if (!record) {
+    ++refused_;
+    return std::nullopt;
+  }
+  if (full(pending_ranges_)) std::abort();  // a bug: a step gives few
+  ++seq;
+  pending_ranges_.push_back(*record);
+  return restore(*record);
+}
+
 }  // namespace maplet::daemon

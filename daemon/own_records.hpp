@@ -9,6 +9,7 @@
 #include "core/base/static_vector.hpp"
 #include "core/ports/record_sink.hpp"
 #include "transport/exchange/delta_pose_record.hpp"
+#include "transport/exchange/range_record.hpp"
 
 namespace maplet::daemon {
 
@@ -22,11 +23,18 @@ class OwnRecords final : public RecordSink {
   explicit OwnRecords(AgentIdentity identity) noexcept : identity_{identity} {}
 
   [[nodiscard]] std::optional<DeltaPose> put(const DeltaPose& delta) noexcept override;
+  [[nodiscard]] std::optional<MapletRange> put(const MapletRange& range) noexcept override;
 
   [[nodiscard]] std::span<const DeltaPoseRecord> pending() const noexcept {
     return {pending_.data(), pending_.size()};
   }
-  void clear_pending() noexcept { pending_.clear(); }
+  [[nodiscard]] std::span<const RangeRecord> pending_ranges() const noexcept {
+    return {pending_ranges_.data(), pending_ranges_.size()};
+  }
+  void clear_pending() noexcept {
+    pending_.clear();
+    pending_ranges_.clear();
+  }
   /// Delta-poses that no record could hold.
   [[nodiscard]] std::uint64_t refused() const noexcept { return refused_; }
 
@@ -34,6 +42,7 @@ class OwnRecords final : public RecordSink {
   AgentIdentity identity_;
   std::array<std::uint32_t, kStreams> next_seq_{};
   StaticVector<DeltaPoseRecord, kPerStep> pending_;
+  StaticVector<RangeRecord, kPerStep> pending_ranges_;
   std::uint64_t refused_ = 0;
 };
 

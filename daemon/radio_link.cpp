@@ -18,8 +18,9 @@ constexpr std::size_t kMapletBytes = std::size_t{1} << 19;
 constexpr Duration kNap = 25ms;    // how long an own record may wait for the thread
 constexpr Duration kLook = 500ms;  // at the interface and for the status
 constexpr Duration kRetry = 1s;
-constexpr Duration kRest = 3s;      // nothing new for so long: at rest
-constexpr Duration kPresent = 20s;  // heard within: there
+constexpr Duration kUnheard = 20s;  // nobody was heard for: perhaps somebody else is there
+constexpr Duration kLonely = 100s;
+constexpr Duration kArrival = 60s;  // announcements are lost, too: a new one says so more often
 
 struct MapletHead {
   MapletKey key;
@@ -92,6 +93,7 @@ std::optional<DdsFailure> RadioLink::start(bool wait) {
   if (opened) {
     radio_ = std::move(*opened);
     open_ = true;
+    opened_at_ = clock_.now();
   } else if (!wait || opened.error().code != ErrorCode::kDevice) {
     return opened.error();
   } else {
@@ -120,11 +122,14 @@ std::size_t RadioLink::heard_maplet(MapletKey& key, std::span<std::byte> bytes) 
   return head->bytes;
 }
 
-void RadioLink::set_near(std::span<const MapletKey> keys) noexcept {
+void RadioLink::set_near(std::span<const MapletKey> keys,
+                         std::span<const std::uint16_t> related) noexcept {
   const std::unique_lock lock{mutex_, std::try_to_lock};
   if (!lock) return;  // the next time
   near_count_ = std::min(keys.size(), near_.size());
   std::copy_n(keys.begin(), near_count_, near_.begin());
+  related_.assign(related.begin(),
+                  related.begin() + std::min<std::ptrdiff_t>(std::ssize(related), 32));
 }
 
 bool RadioLink::take(const DeltaPoseRecord& record) noexcept {
@@ -143,7 +148,9 @@ float RadioLink::wish(const MapletKey& key, float saliency) noexcept {
   for (std::size_t i = 0; lock && i < near_count_; ++i) {
     if (near_[i] == key) return 1.0F + saliency;
   }
-  return wish_all_ > 0 ? saliency : -1.0F;
+  if (wish_all_ > 0) return saliency;
+  const bool somewhere = lock && std::ranges::find(related_, key.agent) == related_.end();
+  return somewhere ? saliency : -1.0F;
 }
 
 void RadioLink::take(std::span<const std::byte> datagram) noexcept {
@@ -169,6 +176,7 @@ void RadioLink::loop() noexcept {
 
 void RadioLink::look_after_link(Instant now) noexcept {
   looked_at_ = now;
+  if (radio_) announce(now);
   if (radio_ && !radio_->interface_holds()) {
     log_warning("dds.interface '" + config_.interface + "' is gone or has changed: waiting for it");
     radio_.reset();
@@ -181,8 +189,22 @@ void RadioLink::look_after_link(Instant now) noexcept {
   if (!opened) return;
   radio_ = std::move(*opened);
   open_ = true;
+  opened_at_ = now;
   log_info("the link on '" + config_.interface + "' is open");
   node_->wake(now);
+}
+
+// DDS says every two minutes that we are here; who has news, or hears nobody, does not wait so
+// long.
+void RadioLink::announce(Instant now) noexcept {
+  const bool slow = config_.profile == "radio";
+  Duration every = Duration::max();
+  if (node_->fresh(now) || node_->lonely(now, kLonely)) every = 40s;
+  if (node_->fresh(now) && node_->lonely(now, kUnheard) && !slow) every = 10s;
+  if (now - opened_at_ < kArrival) every = slow ? 20s : 6s;
+  if (node_->silent() || now - announced_at_ < every) return;
+  if (announced_at_ != Instant{}) radio_->announce();
+  announced_at_ = now;
 }
 
 void RadioLink::take_own(Instant now) noexcept {
@@ -223,8 +245,8 @@ void RadioLink::send(Instant now) noexcept {
   if (listeners == 0) return;  // nobody would hear it
   const std::size_t copies = radio_->copies();
   const std::size_t most = wire_bytes_of_datagram(config_.link_profile()) * copies;
-  while (budget_.allows(most, now)) {
-    const ExchangeNode::Outgoing out = node_->next(now);
+  while (budget_.allows(most, now, false)) {
+    const ExchangeNode::Outgoing out = node_->next(now, budget_.allows(most, now));
     if (out.bytes.empty()) return;
     charge_others();
     (void)radio_->write(out.lane, out.bytes);
@@ -237,59 +259,6 @@ void RadioLink::send(Instant now) noexcept {
     wire_bytes_ += bytes;
     lane_bytes_[static_cast<std::size_t>(out.lane)] += bytes;
   }
-}
-
-void RadioLink::note_status(Instant now) noexcept {
-  noted_at_ = now;
-  const bool busy = !node_->settled(now) || node_->trading(now) ||
-                    delta_poses_in_.read_available() > 0 || maplets_in_.read_available() > 0;
-  const auto present = [&](const Peer& peer) { return now - peer.last_heard < kPresent; };
-  const bool company = std::ranges::any_of(node_->peers(), present);
-  if ((touched_.exchange(false) || busy) && company) busy_at_ = now;
-  if (node_->silent()) busy_at_ = now;  // they will be heard when that ends
-  at_rest_ = (!company && !node_->silent()) || now - busy_at_ > kRest;
-
-  settled_ = node_->settled(now) && delta_poses_in_.read_available() == 0;
-
-  const std::scoped_lock lock{mutex_};
-  RadioStatus& s = status_;
-  s.open = open_;
-  s.silent = node_->silent();
-  s.settled = node_->settled(now);
-  s.listeners = listeners_;
-  s.records = node_->ledger().records();
-  s.records_digest = node_->ledger().records_digest();
-  s.missing = node_->ledger().missing();
-  const auto held_of = [&](const Life& life) {
-    std::array<std::uint32_t, kStreams> held{};
-    const Ledger::Row* row = node_->ledger().find(life);
-    for (std::size_t i = 0; row != nullptr && i < kStreams; ++i) held[i] = row->held[i].next();
-    return held;
-  };
-  s.own = held_of(node_->self());
-  s.wire_bytes = wire_bytes_;
-  s.dds_bytes = dds_bytes_;
-  s.window_bytes = budget_.window_bytes(now);
-  s.lane_bytes = lane_bytes_;
-  s.conflicts = static_cast<std::uint32_t>(node_->peer_table().conflicts());
-  s.conflicting_agent = node_->peer_table().conflicting_agent().value_or(0xFFFF);
-  if (s.conflicts == 0) s.conflicting_agent = -1;
-  s.counters = node_->counters();
-  s.maplets = node_->maplets().counters();
-  s.peer_count = 0;
-  for (const Peer& peer : node_->peers()) {
-    if (s.peer_count == RadioStatus::kMaxPeers) break;
-    auto& out = s.peers[s.peer_count++];
-    out.peer = peer;
-    out.in_sync = node_->in_sync(peer);
-    out.silent_s = seconds(now - peer.last_heard);
-    out.held_of = held_of(peer.life);
-  }
-}
-
-RadioStatus RadioLink::status() const {
-  const std::scoped_lock lock{mutex_};
-  return status_;
 }
 
 }  // namespace maplet::daemon

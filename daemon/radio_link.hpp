@@ -76,8 +76,11 @@ class RadioLink final : private RecordTaker, private FrameTaker {
   /// @param bytes  at least kMaxMapletBytes
   /// @return the size of the next maplet of others, 0 when there is none
   std::size_t heard_maplet(MapletKey& key, std::span<std::byte> bytes) noexcept;
-  /// Maplets nearest to ours, by the skeleton: asked for first.
-  void set_near(std::span<const MapletKey> keys) noexcept;
+  /// An agent's record clock minus ours, once known. Without waiting: now and then it is not told.
+  [[nodiscard]] std::optional<Duration> clock_offset(std::uint16_t agent) const noexcept;
+  /// Maplets nearest to ours, by the skeleton, are asked for first. Without waiting.
+  /// @param related  agents that the skeleton relates to us: of others every maplet may be near
+  void set_near(std::span<const MapletKey> keys, std::span<const std::uint16_t> related) noexcept;
 
   void set_silent(bool silent) noexcept { silent_ = silent; }
   /// Takes what may change while it runs: the byte budget, which maplets to ask for.
@@ -85,8 +88,14 @@ class RadioLink final : private RecordTaker, private FrameTaker {
   /// Something is still being worked at: linger().
   void stay() noexcept { touched_ = true; }
   [[nodiscard]] bool open() const noexcept { return open_; }
+  /// Records of others wait to be heard here.
+  [[nodiscard]] bool hears_more() const noexcept {
+    return delta_poses_in_.read_available() > 0 || ranges_in_.read_available() > 0;
+  }
   /// Everybody heard holds the same records, and all are taken in here.
-  [[nodiscard]] bool settled() const noexcept { return settled_; }
+  [[nodiscard]] bool settled() const noexcept { return settled_ && !hears_more(); }
+  /// Of the records held, a moment ago.
+  [[nodiscard]] std::uint64_t records_digest() const noexcept { return records_digest_; }
   [[nodiscard]] RadioStatus status() const;
   /// Waits until all that others hold is here and the other way round: nobody heard, or nothing
   /// changed any more. Calls `meanwhile` many times a second.
@@ -111,6 +120,7 @@ class RadioLink final : private RecordTaker, private FrameTaker {
 
   void loop() noexcept;
   void look_after_link(Instant now) noexcept;
+  void announce(Instant now) noexcept;
   void take_own(Instant now) noexcept;
   void send(Instant now) noexcept;
   void note_status(Instant now) noexcept;
@@ -142,8 +152,11 @@ class RadioLink final : private RecordTaker, private FrameTaker {
   std::atomic<bool> at_rest_{false};
   std::atomic<bool> touched_{false};
   std::atomic<bool> settled_{false};
+  std::atomic<std::uint64_t> records_digest_{0};
   Instant retry_at_{};
   Instant looked_at_{};
+  Instant announced_at_{};
+  Instant opened_at_{};
   Instant noted_at_{};
   Instant busy_at_{};  ///< something was heard, taken or missing
   std::uint32_t listeners_ = 0;
@@ -156,6 +169,7 @@ class RadioLink final : private RecordTaker, private FrameTaker {
   RadioStatus status_;
   std::array<MapletKey, 32> near_{};
   std::size_t near_count_ = 0;
+  StaticVector<std::uint16_t, 32> related_;
   std::thread thread_;
 };
 

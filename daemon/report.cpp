@@ -1,6 +1,8 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #include "daemon/report.hpp"
 
+#include <fmt/format.h>
+
 #include <nlohmann/json.hpp>
 
 #include "daemon/alloc_counter.hpp"
@@ -83,11 +85,14 @@ std::string report_json(const RunTotals& totals, const SourceCounters& source,
   report["delta_poses"] = {
       {"count", totals.delta_poses},
       {"closures", totals.closures},
+      {"ranges", totals.ranges},
       {"unrelated", totals.unrelated},
       {"payload_bytes_mean", totals.delta_poses == 0 ? 0 : kDeltaPosePayloadBytes}};
   const SkeletonCounters skeleton_counters = skeleton.counters();
   report["skeleton"] = {{"nodes", skeleton.node_count()},
                         {"factors", skeleton.factor_count()},
+                        {"settled", skeleton.canonical()},
+                        {"digest", fmt::format("{:016x}", skeleton.records_digest())},
                         {"condensed", skeleton_counters.condensed},
                         {"dropped", skeleton_counters.dropped},
                         {"nodes_full", skeleton_counters.nodes_full},

@@ -23,6 +23,7 @@ struct RunTotals {
   std::uint64_t point_cloud_bytes = 0;  ///< 12 x valid pixels of each origin keyframe
   std::uint32_t delta_poses = 0;
   std::uint32_t closures = 0;
+  std::uint32_t ranges = 0;
   std::uint64_t unrelated = 0;  ///< delta-poses that no record could hold: gaps in the skeleton
   bool complete = true;         ///< the source's end was reached; no signal, no failure
 

@@ -4,6 +4,7 @@
 #include <mutex>
 #include <utility>
 
+#include "core/agent/range_keeper.hpp"
 #include "transport/exchange/status_record.hpp"
 
 namespace maplet::daemon {
@@ -17,11 +18,14 @@ class StatusBoard {
   struct Notice {
     StatusRecord status;
     bool settled = false;  ///< the skeleton, with every record that anybody heard holds
+    std::uint64_t skeleton_digest = 0;  ///< of the records in it
+    std::uint64_t records_digest = 0;   ///< of those held then
+    RangeCounters ranges;
   };
 
-  void note(const StatusRecord& status, bool settled) noexcept {
+  void note(const Notice& notice) noexcept {
     const std::unique_lock lock{mutex_, std::try_to_lock};
-    if (lock) notice_ = {status, settled};
+    if (lock) notice_ = notice;
   }
   [[nodiscard]] Notice read() const {
     const std::scoped_lock lock{mutex_};

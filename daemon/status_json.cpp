@@ -129,10 +129,15 @@ nlohmann::ordered_json status_json(const StatusBoard::Notice& notice, const Memo
   json["maplets"] = s.maplets;
   json["delta_poses"] = s.delta_poses;
   json["closures"] = s.closures;
+  json["ranges"] = {{"measured", notice.ranges.measured},
+                    {"placed", notice.ranges.placed},
+                    {"dropped", notice.ranges.dropped}};
+  const std::uint64_t held = radio ? radio->records_digest : 0;
   json["skeleton"] = {{"nodes", s.nodes},
                       {"factors", s.factors},
-                      {"settled", notice.settled},
-                      {"records_digest", hex(radio ? radio->records_digest : 0)}};
+                      {"settled", notice.settled && notice.records_digest == held},
+                      {"records_digest", hex(held)},
+                      {"digest", hex(notice.skeleton_digest)}};
   json["peers"] = Json::array();
   if (radio) {
     json["exchange"] = exchange_json(*radio);

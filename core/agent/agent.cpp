@@ -1,6 +1,7 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #include "core/agent/agent.hpp"
 
+#include <algorithm>
 #include <cstdlib>
 
 #include "core/agent/own_places.hpp"
@@ -9,11 +10,7 @@ namespace maplet {
 
 namespace {
 
-// A closure that is further than this from what the skeleton says is no measurement of it, whatever
-// the drift.
-constexpr double kFar_m = 1.5;
-constexpr double kDriftPerNode_m = 0.03;
-constexpr double kTurned_rad = 0.5;
+constexpr Duration kOriginsApart = std::chrono::seconds{5};  // that ranges ask for
 
 Duration share_of(const FrameConfig& frame, double share) noexcept {
   return Duration{static_cast<Duration::rep>(static_cast<double>(frame.budget.count()) * share)};
@@ -72,6 +69,8 @@ Step Agent::step(const DepthFrame& full_frame, Deadline deadline) noexcept {
   step.track = timed(Stage::kOdometry, budget_.odometry, deadline,
                      [&](Deadline until) { return tracker_.run(frame, *step.patches, until); });
   hold_to_plane(step.track);
+  newest_frame_ = frame.stamp;
+  if (!ranges_.empty()) ranges_.at_frame(frame.stamp, locate(step.track));
   if (!skeleton_.settled())
     timed(Stage::kSkeleton, budget_.skeleton, deadline,
           [&](Deadline until) { return skeleton_.update(until); });
@@ -127,28 +126,51 @@ const MapletCut* Agent::finish(Deadline deadline) noexcept {
 }
 
 Added Agent::hear(const DeltaPose& record, Deadline deadline) noexcept {
-  if (record.kind == DeltaPose::Kind::kClosure && contradicts(record)) {
-    if (!full(refused_)) refused_.push_back(record);
-    ++refused_closures_;
-    return Added::kBadMeasurement;
-  }
   return timed(Stage::kSkeleton, budget_.skeleton, deadline,
                [&](Deadline until) { return skeleton_.add(record, until); });
 }
 
-bool Agent::say(const DeltaPose& closure, Deadline deadline) noexcept {
-  const auto record = records_.put(closure);
-  return record && hear(*record, deadline) == Added::kLinked;
+Added Agent::hear(const MapletRange& range, Deadline deadline) noexcept {
+  Sight sight;
+  sight.a = range.a;
+  sight.b = range.b;
+  sight.range_m = range.range_m;
+  sight.range_sigma_m = range.sigma_m;
+  sight.stamp = range.stamp;
+  return timed(Stage::kSkeleton, budget_.skeleton, deadline,
+               [&](Deadline until) { return skeleton_.add(sight, until); });
 }
 
-bool Agent::contradicts(const DeltaPose& closure) const noexcept {
-  const Se3* a = skeleton_.pose(closure.a);
-  const Se3* b = skeleton_.pose(closure.b);
-  if (a == nullptr || b == nullptr) return false;
-  if (skeleton_.gauge(closure.a) != skeleton_.gauge(closure.b)) return false;
-  const Se3 apart = (a->inverse() * *b).inverse() * closure.T_a_b.se3;
-  return apart.t.norm() > kFar_m + kDriftPerNode_m * skeleton_.node_count() ||
-         apart.angle() > kTurned_rad;
+void Agent::measured(RangeToAgent range) noexcept {
+  if (range.stamp == Stamp{}) range.stamp = newest_frame_;
+  ranges_.note(range);
+  if (range.stamp - range_origin_ < kOriginsApart) return;
+  range_origin_ = range.stamp;
+  ask_origin(range.stamp);
+}
+
+void Agent::place_range(Deadline deadline) noexcept {
+  const auto range = ranges_.place(skeleton_);
+  if (!range) return;
+  if (const auto record = records_.put(*range)) (void)hear(*record, deadline);
+}
+
+bool Agent::say(const DeltaPose& closure, Deadline deadline) noexcept {
+  const auto record = records_.put(closure);
+  if (!record || hear(*record, deadline) != Added::kLinked) return false;
+  return skeleton_.factor(skeleton_.factor_count() - 1).verdict != ClosureState::kRejected;
+}
+
+bool Agent::settle(Deadline deadline) noexcept {
+  if (skeleton_.canonical()) return true;
+  const Duration expected = 2 * settling_per_factor_ * std::max(skeleton_.factor_count(), 1);
+  if (deadline.remaining() < expected) return false;
+  const StageScope scope{meter_, Stage::kSkeleton, budget_.skeleton};
+  const MonotonicClock clock;
+  const Instant begin = clock.now();
+  const bool settled = skeleton_.settle(Deadline::never());
+  settling_per_factor_ = (clock.now() - begin) / std::max(skeleton_.factor_count(), 1);
+  return settled;
 }
 
 bool Agent::meet(Deadline deadline) noexcept {

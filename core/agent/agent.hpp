@@ -8,6 +8,7 @@
 #include "core/agent/encounters.hpp"
 #include "core/agent/maplet_store.hpp"
 #include "core/agent/maplet_views.hpp"
+#include "core/agent/range_keeper.hpp"
 #include "core/base/arena.hpp"
 #include "core/frame/decimator.hpp"
 #include "core/maplet/builder.hpp"
@@ -70,9 +71,18 @@ class Agent {
   [[nodiscard]] float saliency() const noexcept { return saliency_; }
   [[nodiscard]] const MapletCounts& maplet_counts() const noexcept { return builder_.counts(); }
 
-  /// Takes in what another agent found out: its delta-pose or closure, as everybody reads it. A
-  /// closure far from what the skeleton says already is refused: kBadMeasurement.
+  /// Takes in what another agent found out: its delta-pose or closure, as everybody reads it. The
+  /// skeleton judges closures; what it makes of all of them in the end is settle()'s.
   Added hear(const DeltaPose& record, Deadline deadline) noexcept;
+
+  /// A range between two agents, as everybody reads it.
+  Added hear(const MapletRange& range, Deadline deadline) noexcept;
+  /// A sensor measured how far another agent is. Our maplet gets an origin there, now and then.
+  void measured(RangeToAgent range) noexcept;
+  /// Ties one measured range to maplets, where the other's path is known by now; a record of it
+  /// goes to the RecordSink. Between frames.
+  void place_range(Deadline deadline) noexcept;
+  [[nodiscard]] const RangeCounters& range_counters() const noexcept { return ranges_.counters(); }
 
   /// A maplet of another agent arrived, encoded. @return false when it is known or makes no sense
   bool hear(const MapletKey& key, std::span<const std::byte> bytes) noexcept {
@@ -83,16 +93,22 @@ class Agent {
   /// @return whether there is more to look at
   bool meet(Deadline deadline) noexcept;
   /// Makes a record of a closure that somebody else vouches for (an operator), and hears it.
+  /// @return whether the skeleton believes it
   bool say(const DeltaPose& closure, Deadline deadline) noexcept;
+  /// Nothing waits: the skeleton once more from the start, so that every agent with the same
+  /// records comes to the same poses and verdicts. That work is not cut: it begins when twice the
+  /// time that it took last, for a graph of this size, is left.
+  /// @return whether the skeleton is settled
+  bool settle(Deadline deadline) noexcept;
+  /// settle() came to its end, and nothing was added since.
+  [[nodiscard]] bool settled() const noexcept { return skeleton_.canonical(); }
   /// An operator's verdict on the closures between two maplets: Skeleton::decide().
   int decide(const MapletKey& a, const MapletKey& b, bool accept, Deadline deadline) noexcept {
     return skeleton_.decide(a, b, accept, deadline);
   }
-  /// Closures refused so far, the first of them; and how many in all.
-  [[nodiscard]] std::span<const DeltaPose> refused() const noexcept {
-    return {refused_.data(), refused_.size()};
-  }
-  [[nodiscard]] std::uint64_t refused_closures() const noexcept { return refused_closures_; }
+  /// Where the skeleton expects overlap: maplets of others that are not here yet, those nearest to
+  /// ours first. @return how many
+  std::size_t expected_near(std::span<MapletKey> out) const noexcept;
   [[nodiscard]] const Encounters& encounters() const noexcept { return encounters_; }
 
   [[nodiscard]] const AgentIdentity& identity() const noexcept { return identity_; }
@@ -117,7 +133,6 @@ class Agent {
 
   void fix_plane(const PatchSet& patches) noexcept;
   void hold_to_plane(Track& track) const noexcept;
-  [[nodiscard]] bool contradicts(const DeltaPose& closure) const noexcept;
 
   AgentIdentity identity_;
   FrameConfig frame_;
@@ -138,12 +153,14 @@ class Agent {
   Vector3OrAuto up_;
   std::optional<PlanarMotion> planar_;  ///< once up is known
   std::optional<Stamp> origin_asked_;
+  RangeKeeper ranges_;
+  Stamp newest_frame_{};
+  Stamp range_origin_{};  ///< the last one asked for
   Arena::Owned<Saliency> salient_;
   float saliency_ = 0.0F;
-  StaticVector<DeltaPose, 64> refused_;
-  std::uint64_t refused_closures_ = 0;
-  Arena::Owned<Maplet> previous_;  ///< the maplet before the newest
-  Arena::Owned<Maplet> older_;     ///< one that a closure is tried with
+  Duration settling_per_factor_ = std::chrono::microseconds{200};  ///< the last time; a guess first
+  Arena::Owned<Maplet> previous_;                                  ///< the maplet before the newest
+  Arena::Owned<Maplet> older_;  ///< one that a closure is tried with
 };
 
 }  // namespace maplet

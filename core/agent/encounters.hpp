@@ -54,6 +54,9 @@ class Encounters {
   /// This agent cut a maplet.
   void add_own(const Maplet& maplet) noexcept;
 
+  [[nodiscard]] bool holds(const MapletKey& key) const noexcept {
+    return foreign_.find(key).has_value();
+  }
   /// Something waits to be compared.
   [[nodiscard]] bool busy() const noexcept { return waiting_count_ > 0 || asking_; }
   /// Goes on comparing, a step. @return accepted closures between two agents, new ones

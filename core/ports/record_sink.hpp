@@ -4,6 +4,7 @@
 #include <optional>
 
 #include "core/registration/delta_pose.hpp"
+#include "core/registration/maplet_range.hpp"
 
 namespace maplet {
 
@@ -17,6 +18,8 @@ class RecordSink {
   ///   nothing when no record can hold it (not finite, longer than 512 m): the two maplets then
   ///   stay without a relation
   [[nodiscard]] virtual std::optional<DeltaPose> put(const DeltaPose& delta) noexcept = 0;
+  /// The same for a range between two agents.
+  [[nodiscard]] virtual std::optional<MapletRange> put(const MapletRange& range) noexcept = 0;
 };
 
 }  // namespace maplet

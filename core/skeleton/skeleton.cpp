@@ -127,7 +127,8 @@ bool Skeleton::known(const DeltaPose& delta, int a, int b) const noexcept {
   solver_.graph().for_each_incident(a, [&](int index, int other) {
     const Provenance& p = provenance_[index];
     found |= other == b && solver_.graph().factor(index).a == a && p.record &&
-             p.kind == delta.kind && p.stamp_a == delta.stamp_a && p.stamp_b == delta.stamp_b;
+             p.kind == delta.kind && p.stamp_a == delta.stamp_a && p.stamp_b == delta.stamp_b &&
+             solver_.graph().factor(index).z.t == delta.T_a_b.se3.t;
   });
   return found;
 }

@@ -37,7 +37,7 @@ struct SkeletonConfig {
 /// What became of a delta-pose or a sight.
 enum class Added : std::uint8_t {
   kLinked,          ///< a factor now; new nodes with it where there were none
-  kDuplicate,       ///< the same pair, kind and stamps are in already
+  kDuplicate,       ///< the same measurement of the same pair is in already
   kBadMeasurement,  ///< not finite, covariance not positive definite, or a == b
   kNodesFull,
   kFactorsFull,

@@ -160,8 +160,9 @@ class World {
   };
 
   void send(Robot& robot) {
-    while (robot.budget.allows(robot.datagram_bytes + kWireOverhead, now)) {
-      const ExchangeNode::Outgoing out = robot.node.next(now);
+    const std::size_t most = robot.datagram_bytes + kWireOverhead;
+    while (robot.budget.allows(most, now, false)) {
+      const ExchangeNode::Outgoing out = robot.node.next(now, robot.budget.allows(most, now));
       if (out.bytes.empty()) return;
       const std::size_t wire = out.bytes.size() + kWireOverhead;
       robot.budget.charge(wire, now);

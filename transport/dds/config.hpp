@@ -29,6 +29,7 @@ struct DdsConfig {
 inline constexpr std::string_view kDeltaPoseTopic = "maplet/delta_pose";
 inline constexpr std::string_view kMapletTopic = "maplet/maplet";
 inline constexpr std::string_view kStatusTopic = "maplet/status";
+inline constexpr std::string_view kRangeTopic = "maplet/range";
 
 // Participant indices, the contracts' "follows --agent": a daemon takes the first free one from its
 // agent id on, a watcher one behind all daemons'. Unicast discovery asks all of them.

@@ -15,6 +15,7 @@
 #include "transport/dds/arrivals.hpp"
 #include "transport/dds/messages.hpp"
 #include "transport/dds/quiet.hpp"
+#include "transport/dds/range_topic.hpp"
 
 namespace maplet {
 
@@ -64,6 +65,7 @@ class DdsPublisher::Impl {
   Impl(const DdsConfig& config, int agent)
       : config_{config},
         agent_{agent},
+        ranges_{static_cast<std::uint16_t>(agent)},
         delta_poses_{kDeltaPoseQueue},
         maplets_{kMapletQueueBytes},
         statuses_{kStatusQueue} {}
@@ -86,6 +88,9 @@ class DdsPublisher::Impl {
         return DdsFailure{ErrorCode::kIo, "Cyclone DDS refuses a topic or writer: " +
                                               std::string{dds_strretcode(-writers_[i])}};
       }
+    }
+    if (!ranges_.open(participant)) {
+      return DdsFailure{ErrorCode::kIo, "Cyclone DDS refuses to read " + std::string{kRangeTopic}};
     }
     arrivals_.emplace(participant, writers_[0]);
     domain_.emplace(std::move(*domain));
@@ -131,6 +136,7 @@ class DdsPublisher::Impl {
 
   DdsConfig config_;
   int agent_;
+  RangeInbox ranges_;  ///< ends after the domain
   boost::lockfree::spsc_queue<DeltaPoseRecord> delta_poses_;
   boost::lockfree::spsc_queue<std::byte> maplets_;
   boost::lockfree::spsc_queue<StatusRecord> statuses_;
@@ -235,6 +241,8 @@ bool DdsPublisher::publish(const MapletRecord& record) noexcept {
 bool DdsPublisher::publish(const StatusRecord& record) noexcept {
   return impl_->push(impl_->statuses_, record);
 }
+
+bool DdsPublisher::measured(RangeReport& report) noexcept { return impl_->ranges_.pop(report); }
 
 bool DdsPublisher::flush(Duration limit) noexcept { return impl_->flush(limit); }
 

@@ -10,11 +10,12 @@
 #include "transport/dds/domain.hpp"
 #include "transport/exchange/delta_pose_record.hpp"
 #include "transport/exchange/maplet_record.hpp"
+#include "transport/exchange/range_report.hpp"
 #include "transport/exchange/status_record.hpp"
 
 namespace maplet {
 
-/// Puts an agent's delta-poses, maplets and status into the local domain.
+/// Puts an agent's delta-poses, maplets and status into the local domain; takes ranges from it.
 ///
 /// Memory   queues fixed at construction (about 0.7 MB); Cyclone's own in docs/memory.md.
 /// Threads  publish() from one thread, the estimator's; it never allocates, never blocks and never
@@ -48,6 +49,9 @@ class DdsPublisher {
   /// Copies the bytes; also false when they are more than kMaxMapletBytes.
   [[nodiscard]] bool publish(const MapletRecord& record) noexcept;
   [[nodiscard]] bool publish(const StatusRecord& record) noexcept;
+
+  /// The next range that a program on this robot measured. @return false when there is none
+  [[nodiscard]] bool measured(RangeReport& report) noexcept;
 
   /// Waits until everything published is written and every subscriber known has it; looks for
   /// subscribers that are only just arriving, too. For the end of a finite run.

@@ -102,6 +102,14 @@ class DdsRadio::Impl {
     return dds_write(writers_[lane_of(traffic)], &frame) == DDS_RETCODE_OK;
   }
 
+  // A participant whose user data changes announces itself anew.
+  void announce() noexcept {
+    ++announcement_;
+    const std::unique_ptr<dds_qos_t, DeleteQos> qos{dds_create_qos()};
+    dds_qset_userdata(qos.get(), &announcement_, sizeof announcement_);
+    (void)dds_set_qos(domain_.participant(), qos.get());
+  }
+
   int receive(Duration limit, FrameTaker& taker) noexcept {
     int count = take(taker);
     if (count > 0 || limit <= Duration{0}) return count;
@@ -156,6 +164,7 @@ class DdsRadio::Impl {
   bool unicast_;
   dds_entity_t waitset_ = 0;
   dds_entity_t guard_ = 0;
+  std::uint8_t announcement_ = 0;
   std::array<dds_entity_t, kLanes> writers_{};
   std::array<dds_entity_t, kLanes> readers_{};
   std::array<std::uint8_t, kFrameBytes> bytes_{};
@@ -179,6 +188,7 @@ DdsRadio::~DdsRadio() = default;
 bool DdsRadio::write(Traffic lane, std::span<const std::byte> datagram) noexcept {
   return impl_->write(lane, datagram);
 }
+void DdsRadio::announce() noexcept { impl_->announce(); }
 int DdsRadio::receive(Duration limit, FrameTaker& taker) noexcept {
   return impl_->receive(limit, taker);
 }

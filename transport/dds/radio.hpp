@@ -36,6 +36,8 @@ class DdsRadio {
 
   /// Sends at once. @return false when Cyclone refused
   bool write(Traffic lane, std::span<const std::byte> datagram) noexcept;
+  /// Tells everybody on the link that we are here, beside what DDS does on its own.
+  void announce() noexcept;
   /// Waits for datagrams, at most so long; hands out those that are there.
   /// @return how many
   int receive(Duration limit, FrameTaker& taker) noexcept;

@@ -41,7 +41,7 @@ struct KeyRange {
 class Ledger {
  public:
   struct Config {
-    int max_lives = 64;
+    int max_lives = 256;
 
     static constexpr Field<Config> kFields[] = {
         {"max_lives", &Config::max_lives, 2, 1024,

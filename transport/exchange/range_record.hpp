@@ -4,7 +4,9 @@
 #include <cmath>
 
 #include "core/base/clock.hpp"
+#include "core/base/expected.hpp"
 #include "core/maplet/maplet.hpp"
+#include "core/registration/maplet_range.hpp"
 #include "transport/exchange/record_key.hpp"
 
 namespace maplet {
@@ -25,6 +27,25 @@ struct RangeRecord {
 [[nodiscard]] inline bool valid(const RangeRecord& record) noexcept {
   return record.key.stream == Stream::kRanges && record.sigma_mm > 0 && record.a != record.b &&
          record.range_mm <= 10'000'000;
+}
+
+/// @return kBadInput when no record can hold it
+[[nodiscard]] inline Expected<RangeRecord> quantise(const MapletRange& range, std::uint16_t agent,
+                                                    std::uint32_t epoch,
+                                                    std::uint32_t seq) noexcept {
+  if (!(range.range_m >= 0.0 && range.range_m <= 1e4 && range.sigma_m > 0.0 &&
+        range.sigma_m < 65.0)) {
+    return fail(ErrorCode::kBadInput, "range: beyond what a record holds");
+  }
+  RangeRecord record{{agent, epoch, Stream::kRanges, seq}, range.a, range.b, range.stamp, 0, 0};
+  record.range_mm = static_cast<std::uint32_t>(std::lround(range.range_m * 1e3));
+  record.sigma_mm = static_cast<std::uint16_t>(std::ceil(range.sigma_m * 1e3));
+  if (!valid(record)) return fail(ErrorCode::kBadInput, "range: between a maplet and itself");
+  return record;
+}
+
+[[nodiscard]] inline MapletRange restore(const RangeRecord& record) noexcept {
+  return {record.a, record.b, record.stamp, record.range_mm * 1e-3, record.sigma_mm * 1e-3};
 }
 
 }  // namespace maplet

@@ -36,13 +36,15 @@ class ByteBudget {
     others_peak_ = std::max(others_peak_, static_cast<double>(sum(others_)));
   }
 
-  /// Whether a datagram of `bytes` on the wire may go now.
-  [[nodiscard]] bool allows(std::size_t bytes, Instant now) noexcept {
+  /// Whether a datagram of `bytes` on the wire may go now. Bulk leaves room: what is urgent does
+  /// not wait behind it.
+  [[nodiscard]] bool allows(std::size_t bytes, Instant now, bool bulk = true) noexcept {
     advance(now);
-    const double all = rate_ * seconds(kWindow);
+    if (tokens_ <= (bulk ? 0.0 : -burst_)) return false;
+    const double all = rate_ * seconds(kWindow) * (bulk ? kBulkShare : 1.0);
     const auto others = static_cast<double>(sum(others_));
     const double reserve = std::clamp(others_peak_ - others, 0.0, all / 4.0);
-    return tokens_ > 0.0 && static_cast<double>(sum(ours_) + bytes) + others + reserve <= all;
+    return static_cast<double>(sum(ours_) + bytes) + others + reserve <= all;
   }
 
   void set_rate(double bytes_per_s) noexcept { rate_ = bytes_per_s; }
@@ -56,6 +58,7 @@ class ByteBudget {
  private:
   static constexpr std::size_t kBins = 42;  // a little more than the window: it never begins late
   static constexpr Duration kBin = std::chrono::milliseconds{250};
+  static constexpr double kBulkShare = 0.9;
   using Bins = std::array<std::uint32_t, kBins>;
 
   static std::uint64_t sum(const Bins& bins) noexcept {

@@ -10,7 +10,9 @@ namespace {
 constexpr Duration kFresh = std::chrono::seconds{60};   // a change is news for so long
 constexpr Duration kNear = std::chrono::seconds{150};   // a peer unheard for longer is far away
 constexpr Duration kAlive = std::chrono::seconds{600};  // and then gone
+constexpr Duration kThere = std::chrono::seconds{10};   // a peer that hears us, most likely
 constexpr int kMaxTries = 6;
+constexpr int kRepeats = 2;
 constexpr int kMaxSkips = 512;  // records no longer kept, looked up in one call
 
 MapletTrade::Config trade_config(const SyncConfig& config, const LinkProfile& profile,
@@ -48,9 +50,7 @@ bool ExchangeNode::put(const DeltaPoseRecord& record, Instant now) noexcept {
   if (Life{record.key.agent, record.key.epoch} != self_) return false;
   if (ledger_.insert(record.key) != Insert::kNew) return false;
   delta_poses_.put(record);
-  owe({self_, record.key.stream, {record.key.seq, record.key.seq + 1}});
-  changed(now);
-  say_by(now + profile_.quick);
+  say_news(record.key, now);
   return true;
 }
 
@@ -58,9 +58,7 @@ bool ExchangeNode::put(const RangeRecord& record, Instant now) noexcept {
   if (Life{record.key.agent, record.key.epoch} != self_) return false;
   if (ledger_.insert(record.key) != Insert::kNew) return false;
   ranges_.put(record);
-  owe({self_, record.key.stream, {record.key.seq, record.key.seq + 1}});
-  changed(now);
-  say_by(now + profile_.quick);
+  say_news(record.key, now);
   return true;
 }
 
@@ -71,6 +69,32 @@ bool ExchangeNode::put(const MapletKey& key, std::span<const std::byte> bytes, f
   (void)ledger_.insert({key.agent, key.epoch, Stream::kMaplets, key.id});
   say_by(now + profile_.quick);
   return true;
+}
+
+void ExchangeNode::say_news(const RecordKey& key, Instant now) noexcept {
+  const KeyRange range{self_, key.stream, {key.seq, key.seq + 1}};
+  owe(range);
+  if (full(again_)) again_.erase(again_.begin());
+  again_.push_back({range, now + profile_.again, kRepeats});
+  changed(now);
+  say_by(now + profile_.quick);
+}
+
+// On a link that loses much, saying it anew is quicker than finding out that it was lost.
+void ExchangeNode::say_again(Instant now) noexcept {
+  const bool unconfirmed = recent_peer_behind(now, kThere);
+  for (std::size_t i = 0; i < again_.size();) {
+    Again& news = again_[i];
+    if (now >= news.due) {
+      if (!unconfirmed || news.left-- <= 0) {
+        again_.erase(again_.begin() + static_cast<std::ptrdiff_t>(i));
+        continue;
+      }
+      owe(news.range);
+      news.due = now + profile_.again;
+    }
+    ++i;
+  }
 }
 
 void ExchangeNode::wake(Instant now) noexcept {
@@ -97,9 +121,18 @@ bool ExchangeNode::trading(Instant now) noexcept {
   return trade_.owes() || trade_.offers() || trade_.wants(taker_, now);
 }
 
-/// Quick while something is unconfirmed and news; else ever slower.
+bool ExchangeNode::fresh(Instant now) const noexcept { return now - changed_at_ < kFresh; }
+
+bool ExchangeNode::lonely(Instant now, Duration age) const noexcept {
+  return std::ranges::none_of(peers_.all(),
+                              [&](const Peer& peer) { return now - peer.last_heard < age; });
+}
+
+/// Quick while something is unconfirmed and news, quickest with somebody who is heard; else ever
+/// slower.
 Duration ExchangeNode::interval(Instant now) noexcept {
-  const bool fresh = now - changed_at_ < kFresh;
+  const bool fresh = this->fresh(now);
+  if (fresh && recent_peer_behind(now, 4 * profile_.quick)) return profile_.quick / 2;
   if (fresh && recent_peer_behind(now, kNear)) return profile_.quick;
   if (fresh && recent_peer_behind(now, kAlive)) return 4 * profile_.quick;
   calm_ = std::min(2 * calm_, config_.idle_interval);
@@ -117,10 +150,11 @@ Instant ExchangeNode::due() const noexcept {
   }
   Instant due = say_at_;
   for (const Want& want : wants_) due = std::min(due, want.due);
+  for (const Again& news : again_) due = std::min(due, news.due);
   return due;
 }
 
-Waiting ExchangeNode::waiting(Instant now) noexcept {
+Waiting ExchangeNode::waiting(Instant now, bool bulk) noexcept {
   Waiting waiting;
   if (!owed_[0].empty()) waiting.set(Traffic::kDeltaPoses);
   if (!owed_[1].empty()) waiting.set(Traffic::kClosures);
@@ -129,17 +163,18 @@ Waiting ExchangeNode::waiting(Instant now) noexcept {
       (now >= maplets_from_ && trade_.wants(taker_, now))) {
     waiting.set(Traffic::kControl);
   }
-  if (trade_.owes() && now >= maplets_from_) waiting.set(Traffic::kMaplets);
+  if (bulk && trade_.owes() && now >= maplets_from_) waiting.set(Traffic::kMaplets);
   return waiting;
 }
 
-ExchangeNode::Outgoing ExchangeNode::next(Instant now) noexcept {
+ExchangeNode::Outgoing ExchangeNode::next(Instant now, bool bulk) noexcept {
   trade_.hand_over(taker_, [&](const MapletKey& key) {
     (void)ledger_.insert({key.agent, key.epoch, Stream::kMaplets, key.id});
   });
   if (silent_) return {};
+  say_again(now);
   for (std::size_t i = 0; i < kTraffics; ++i) {  // what turns out to be nothing does not count
-    const auto first = scheduler_.pick(waiting(now));
+    const auto first = scheduler_.pick(waiting(now, bulk));
     if (!first) return {};
     DatagramWriter out{std::span{buffer_}.first(profile_.datagram_bytes), {self_, count_}};
     RecordContext context{self_.agent, self_.epoch};
@@ -147,7 +182,7 @@ ExchangeNode::Outgoing ExchangeNode::next(Instant now) noexcept {
     if (profile_.mixed && *first != Traffic::kMaplets) {
       for (const Traffic more :
            {Traffic::kDeltaPoses, Traffic::kClosures, Traffic::kRanges, Traffic::kControl}) {
-        if (more != *first && waiting(now).has(more)) fill(out, context, more, now);
+        if (more != *first && waiting(now, bulk).has(more)) fill(out, context, more, now);
       }
     }
     if (out.empty()) continue;
@@ -282,7 +317,7 @@ bool ExchangeNode::write_beacon(DatagramWriter& out, bool brief, Instant now) no
   beacon.records = static_cast<std::uint32_t>(ledger_.records());
   beacon.clock = record_clock(now);
   for (const Peer& peer : peers_.all()) {
-    if (brief || now - changed_at_ > kFresh || full(beacon.echoes)) break;
+    if (brief || !fresh(now) || full(beacon.echoes)) break;
     const Duration held = now - peer.last_clock_at;
     if (peer.superseded || held > std::chrono::seconds{20}) continue;
     const auto clock_us = static_cast<std::uint64_t>(peer.last_clock.count() / 1000);

@@ -66,7 +66,8 @@ class ExchangeNode {
     std::span<const std::byte> bytes;  ///< empty: nothing to say now. Valid until the next call
   };
   /// The next datagram. Call it when the link has room for profile.datagram_bytes.
-  [[nodiscard]] Outgoing next(Instant now) noexcept;
+  /// @param bulk  pieces of maplets may go, too
+  [[nodiscard]] Outgoing next(Instant now, bool bulk = true) noexcept;
   /// When next() may have something to say again; at once when something waits.
   [[nodiscard]] Instant due() const noexcept;
 
@@ -92,6 +93,10 @@ class ExchangeNode {
   }
   /// Heard lately and all in sync, nothing waits to be sent.
   [[nodiscard]] bool settled(Instant now) const noexcept;
+  /// Records came or were made in the last minute.
+  [[nodiscard]] bool fresh(Instant now) const noexcept;
+  /// Nobody was heard for so long.
+  [[nodiscard]] bool lonely(Instant now, Duration age) const noexcept;
   /// Maplets wanted and not here yet, or asked of us and not sent yet.
   [[nodiscard]] bool trading(Instant now) noexcept;
 
@@ -101,6 +106,11 @@ class ExchangeNode {
     std::uint16_t holder = 0;
     Instant due{};
     int tries = 0;
+  };
+  struct Again {  // our own news: said anew until those who are heard confirm
+    KeyRange range;
+    Instant due{};
+    int left = 0;
   };
   using Ranges = StaticVector<KeyRange, 64>;
 
@@ -118,7 +128,9 @@ class ExchangeNode {
   void changed(Instant now) noexcept;
 
   // node.cpp
-  [[nodiscard]] Waiting waiting(Instant now) noexcept;
+  void say_news(const RecordKey& key, Instant now) noexcept;
+  void say_again(Instant now) noexcept;
+  [[nodiscard]] Waiting waiting(Instant now, bool bulk) noexcept;
   bool fill(DatagramWriter& out, RecordContext& context, Traffic traffic, Instant now) noexcept;
   template <class Record>
   bool fill_records(DatagramWriter& out, RecordContext& context, Ranges& owed,
@@ -153,6 +165,7 @@ class ExchangeNode {
   Scheduler scheduler_;
   std::array<Ranges, 3> owed_;  ///< records to send: delta-poses, closures, ranges
   StaticVector<Want, 64> wants_;
+  StaticVector<Again, 16> again_;
   std::optional<Life> digest_after_;  ///< the digest goes on behind this life
   Instant say_at_{};                  ///< digest or beacon
   Instant said_at_{};

@@ -11,7 +11,7 @@ namespace maplet {
 
 /// What is kept for the others. Section [exchange]. Sizes the arena.
 struct SyncConfig {
-  int max_lives = 64;
+  int max_lives = 256;
   int records_kept = 8192;
   int ranges_kept = 1024;
   int maplets_kept = 512;
@@ -44,7 +44,8 @@ struct LinkProfile {
   bool mixed = false;  ///< small things share datagrams; else each kind of traffic has its own
   Duration quick =
       std::chrono::milliseconds{800};  ///< between two digests while something is unconfirmed
-  Duration holdoff = std::chrono::milliseconds{700};  ///< nothing is sent twice within
+  Duration holdoff = std::chrono::milliseconds{500};  ///< nothing is sent twice within
+  Duration again = std::chrono::milliseconds{900};    ///< news are said anew, if not confirmed
   std::size_t assemblies = 4;
 };
 
@@ -52,7 +53,7 @@ struct LinkProfile {
 [[nodiscard]] constexpr LinkProfile wifi_profile() noexcept { return {}; }
 /// At most 20 kbit/s: two topics, packed frames, patience above the queueing time.
 [[nodiscard]] constexpr LinkProfile radio_profile() noexcept {
-  return {480, true, std::chrono::seconds{4}, std::chrono::seconds{4}, 1};
+  return {480, true, std::chrono::seconds{4}, std::chrono::seconds{4}, std::chrono::seconds{6}, 1};
 }
 
 }  // namespace maplet

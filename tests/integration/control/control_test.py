@@ -103,6 +103,74 @@ class Control(unittest.TestCase):
         self.assertEqual([daemon.wait(20) for daemon in self.daemons], [0, 0])
         self.assertFalse(os.path.exists(self.path(1)))
 
+    def settled_alike(self):
+        """Both have settled on the same records, with the same closures and poses."""
+        statuses = [self.status(agent) for agent in (1, 2)]
+        if not all(s["skeleton"]["settled"] for s in statuses):
+            return False
+        for word in ("records_digest", "digest"):
+            if len({s["skeleton"][word] for s in statuses}) != 1:
+                return False
+        maps, verdicts = [], []
+        for agent in (1, 2):
+            maps.append({(m["agent"], m["epoch"], m["id"]): m["T_map_maplet"]
+                         for m in json.loads(self.ctl(agent, "maplets", "--json"))})
+            verdicts.append(sorted(
+                (json.dumps(c["a"]), json.dumps(c["b"]), c["length_m"], c["rejected"])
+                for c in json.loads(self.ctl(agent, "closure", "list", "--json"))))
+        self.assertEqual(verdicts[0], verdicts[1])
+        common = set(maps[0]) & set(maps[1])  # a lone maplet is its agent's alone
+        self.assertGreaterEqual(len(common), 6)
+        for key in common:
+            for x, y in zip(maps[0][key], maps[1][key]):
+                self.assertAlmostEqual(x, y, delta=1e-4)
+        return True
+
+    def test_killed_agents_come_back_and_all_settle_alike(self):
+        running = {agent: self.start(agent) for agent in (1, 2)}
+        self.until(lambda: self.status(1)["exchange"]["received"] > 0)
+        for victim in (2, 1, 2):
+            time.sleep(2.0)
+            running[victim].kill()
+            running[victim].wait()
+            self.assertIsNone(running[3 - victim].poll())
+            os.unlink(self.path(victim))
+            running[victim] = self.start(victim)
+        self.until(lambda: self.status(1)["frames"]["read"] >= 200 and
+                   self.status(2)["frames"]["read"] >= 200)
+        self.until(self.settled_alike)
+
+    def test_ranges_enter_the_graph_of_both(self):
+        for agent in (1, 2):
+            self.start(agent, None, "--pace", "recorded")
+        self.until(lambda: self.status(1)["exchange"]["received"] > 0 and
+                   self.status(2)["exchange"]["received"] > 0)
+        domain = ("--domain", str(self.domain))
+        ctl = [str(BIN / "mapletctl"), "range"]
+
+        def measure(agent, *words, code=0):
+            done = subprocess.run([*ctl, str(3 - agent), *words, "--agent", str(agent), *domain],
+                                  capture_output=True, text=True, timeout=PATIENCE_S)
+            self.assertEqual(done.returncode, code, done.stderr)
+        for _ in range(3):  # a radio on either robot measures the same distance
+            for agent in (1, 2):
+                measure(agent, "7.5", "--sigma", "0.1")
+            time.sleep(1.5)
+        measure(1, "7.5", "--bearing", "0,0,1", "--bearing-sigma", "0.05")
+        measure(1, "-3", code=2)
+        measure(1, "5", "--sigma", "0", code=2)
+        measure(1, "5", "--bearing", "0,0,3", code=2)
+        self.until(lambda: self.status(1)["ranges"]["measured"] == 4)
+
+        def placed():
+            here, there = self.status(1), self.status(2)
+            return (here["ranges"]["placed"] >= 3 and there["ranges"]["placed"] >= 2 and
+                    here["exchange"]["records_digest"] == there["exchange"]["records_digest"] and
+                    there["exchange"]["own"]["ranges"] == there["ranges"]["placed"])
+        self.until(placed)  # when the other's delta-poses span the moments
+        held = json.loads(self.ctl(2, "peers", "--json"))[0]["held"]["ranges"]
+        self.assertEqual(held, self.status(1)["exchange"]["own"]["ranges"])
+
     def test_a_closure_is_rejected_and_restored_by_hand(self):
         self.start(1, None, "--no-dds")
         self.until(lambda: len(json.loads(self.ctl(1, "maplets", "--json"))) >= 3)

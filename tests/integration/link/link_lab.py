@@ -80,6 +80,11 @@ class Namespace:
         if tap is not None:
             os.close(tap)
 
+    def rename(self, old, new):
+        self.ip("link", "set", old, "down")
+        self.ip("link", "set", old, "name", new)
+        self.ip("link", "set", new, "up")
+
     def close(self):
         self.unplug()
         subprocess.run(["ip", "netns", "del", self.name], check=False)
@@ -107,7 +112,14 @@ class Hub(threading.Thread):
 
     def isolate(self, number):
         for other in self.namespaces:
-            self.cut |= {(number, other.number), (other.number, number)}
+            self.cut = self.cut | {(number, other.number), (other.number, number)}
+
+    def isolate_all(self):
+        for namespace in self.namespaces:
+            self.isolate(namespace.number)
+
+    def connect(self, one, other):
+        self.cut = self.cut - {(one, other), (other, one)}
 
     def join_all(self):
         self.cut = set()

@@ -239,6 +239,48 @@ TEST(Node, ClocksHoursApartLoseNothingAndAreMeasured) {
               (24.0 * 365 * 50 - 1.0) * 3600.0 + 30.0, 0.2);
 }
 
+TEST(Node, CountsAndSequenceNumbersWrap) {
+  Arena arena;
+  Peers peers{4, arena};
+  const Instant now{std::chrono::hours{1}};
+  for (std::uint32_t count = 65'530; count < 65'545; ++count) {  // the datagrams' count
+    (void)peers.heard({{2, 7}, static_cast<std::uint16_t>(count)}, 100, now);
+  }
+  EXPECT_EQ(peers.all()[0].lost, 0U);
+  World world{12, {}};
+  Robot& a = world.add(1, 100, wifi_profile(), 2000.0);
+  Robot& b = world.add(2, 200, wifi_profile(), 2000.0);
+  a.next_seq = 0xFFFFFFFD;  // the last two numbers; a life that used them up is over
+  const RecordKey key = world.make_delta(a);
+  (void)world.make_delta(a);
+  DeltaPose delta = random_delta(world.rng, 1, 100, 0);
+  const auto beyond = quantise(delta, 1, 100, 0xFFFFFFFF);
+  EXPECT_FALSE(beyond && a.node.put(*beyond, world.now));
+  world.run(seconds{10});
+  EXPECT_EQ(b.taker.delta_poses.size(), 2U);
+  EXPECT_TRUE(b.node.ledger().contains(key));
+  EXPECT_TRUE(world.same_records());
+}
+
+// A hundred restarts: each life is told apart, and the others go on.
+TEST(Node, AHundredLivesAreKeptApart) {
+  World world{13, {.loss = 0.1}};
+  for (std::uint16_t i = 1; i <= 3; ++i) world.add(i, 100U + i, wifi_profile(), 20000.0);
+  world.run(seconds{2});
+  for (int round = 0; round < 100; ++round) {
+    for (auto& robot : world.robots) world.make_delta(*robot);
+    world.run(milliseconds{static_cast<int>(world.rng() % 2000)});
+    const std::size_t victim = 1 + world.rng() % 2;  // somebody remembers
+    const Life life = world.robots[victim]->life;
+    world.forget(*world.robots[victim]);
+    world.robots[victim] = std::make_unique<Robot>(Life{life.agent, life.epoch + 1000},
+                                                   wifi_profile(), 20000.0, world.now);
+  }
+  EXPECT_GE(world.run_until_same(seconds{60}), 0.0);
+  EXPECT_GT(world.robots[0]->node.ledger().rows().size(), 64U);
+  EXPECT_EQ(world.robots[0]->node.ledger().refused(), 0U);
+}
+
 TEST(Node, SilenceHearsAndSaysNothing) {
   World world{11, {}};
   Robot& a = world.add(1, 100, wifi_profile(), 2000.0);
