@@ -11,7 +11,7 @@ namespace {
 
 // Each timer stands above the round trip with its queueing, and not far above (docs/dds.md).
 constexpr const char* kWifiTimers =
-    "<HeartbeatInterval max=\"60s\" min=\"1s\" minsched=\"2s\">5s</HeartbeatInterval>"
+    "<HeartbeatInterval max=\"8s\" min=\"1s\" minsched=\"1s\">2s</HeartbeatInterval>"
     "<NackDelay>500ms</NackDelay><AckDelay>500ms</AckDelay>"
     "<PreEmptiveAckDelay>1s</PreEmptiveAckDelay><AutoReschedNackDelay>20s</AutoReschedNackDelay>"
     "<MaxQueuedRexmitBytes>16KiB</MaxQueuedRexmitBytes>"
