@@ -140,6 +140,28 @@ class Link(unittest.TestCase):
             time.sleep(0.1)
         return float("inf")
 
+    def wait_for_what_was_made(self, agents, limit_s):
+        """@return seconds until each holds what the others had made when this was called"""
+        start = time.monotonic()
+        streams = ("delta_poses", "closures", "ranges")
+        made = {}
+        for agent in agents:
+            status = agent.exchange()
+            made[agent.number] = (status["epoch"], status["exchange"]["own"])
+        while time.monotonic() - start < limit_s:
+            held = True
+            for agent in agents:
+                peers = {(p["agent"], p["epoch"]): p["held"] for p in agent.exchange()["peers"]}
+                for other, (epoch, own) in made.items():
+                    if other == agent.number:
+                        continue
+                    there = peers.get((other, epoch), {})
+                    held = held and all(there.get(s, -1) >= own[s] for s in streams)
+            if held:
+                return time.monotonic() - start
+            time.sleep(0.1)
+        return float("inf")
+
     def finish(self, agents):
         self.assertEqual([a.close() for a in agents], [0] * len(agents))
 
@@ -153,8 +175,9 @@ class Link(unittest.TestCase):
             lab.hub.isolate(3)
             self.watch(agents, 60, made, heard)
             lab.hub.join_all()
-            restored = self.wait_for_sync(agents, 60)
-            say("in sync after a 60 s cut, s", f"{restored:.1f}")
+            restored = self.wait_for_what_was_made(agents, 60)
+            say("all hold what was made in a 60 s cut after s", f"{restored:.1f}")
+            say("and all words are equal after s more", f"{self.wait_for_sync(agents, 60):.1f}")
             self.watch(agents, 30, made, heard)
             before_cut = {k: t for k, t in made.items() if t < start + 55}
             late = self.latencies(agents, before_cut, heard)
