@@ -191,6 +191,11 @@ class Link(unittest.TestCase):
             say("everywhere after, p95 s, made later than 20 s", f"{percentile(late, 0.95):.1f}")
             self.wait_for_sync(agents, 30)
             time.sleep(75)  # frames are over: nothing new
+            for _ in range(10):  # maplets that are wanted still come
+                before = [a.exchange()["exchange"]["maplet_bytes"] for a in agents]
+                time.sleep(30)
+                if before == [a.exchange()["exchange"]["maplet_bytes"] for a in agents]:
+                    break
             quiet = time.monotonic()
             before = [a.exchange()["exchange"] for a in agents]
             time.sleep(90)
