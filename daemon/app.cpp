@@ -85,6 +85,7 @@ bool App::loop() {
   Progress progress{"mapping", source_ ? source_->length() : std::nullopt};
   while (!stop_asked()) {
     heart_.beat();
+    if (gpio_ && gpio_->held()) stay_held();
     DepthFrame frame;
     switch (read(frame)) {
       case Read::kEnd:
@@ -124,6 +125,7 @@ App::Read App::read(DepthFrame& frame) {
     if (capture_ != nullptr) {
       const ReadCost cost = capture_->cost();
       meters_.add(Stage::kSource, cost.wall, cost.cpu, kPatience);
+      if (cost.came) latency_.add(monotonic_.now() - *cost.came);
     }
     frame = *next;
     timeouts_ = 0;
@@ -171,16 +173,41 @@ void App::process(const DepthFrame& frame) {
 }
 
 void App::say_detail() {
+  if (gray_) {
+    if (const Line state = gray_->state(); state != gray_said_) {
+      gray_said_ = state;
+      warnings_.say(view(state));
+    }
+  }
   const std::string_view detail = source_->detail();
   if (detail.empty() || detail == view(said_)) return;
   said_.assign(detail.data(), std::min(detail.size(), kMaxLineBytes));
   warnings_.say(detail);
 }
 
+void App::set_tracking(bool tracking) noexcept {
+  tracking_ = tracking;
+  if (gpio_) gpio_->show_tracking(tracking);
+}
+
+void App::stay_held() {
+  if (capture_ != nullptr) capture_->hold(true);
+  set_tracking(false);
+  publish_status(StatusRecord::State::kHeld);
+  while (gpio_->held() && !stop_asked()) {
+    heart_.beat();
+    listen(kMeetings);
+    if (monotonic_.now() - last_status_ >= 1s) publish_status(StatusRecord::State::kHeld);
+    std::this_thread::sleep_for(20ms);
+  }
+  if (capture_ != nullptr) capture_->hold(false);
+  publish_status(StatusRecord::State::kRunning);
+}
+
 void App::say_tracking(const Track& track) noexcept {
   const bool tracking = track.state == Track::State::kTracking;
   if (tracking == tracking_) return;
-  tracking_ = tracking;
+  set_tracking(tracking);
   if (tracking && totals_.lost == 0) return;  // the beginning
   std::array<char, 120> line;
   const auto end =

@@ -13,6 +13,7 @@
 #include "daemon/config.hpp"
 #include "daemon/console.hpp"
 #include "daemon/governor.hpp"
+#include "daemon/gpio_panel.hpp"
 #include "daemon/heartbeat.hpp"
 #include "daemon/live_config.hpp"
 #include "daemon/log.hpp"
@@ -26,6 +27,7 @@
 #include "daemon/stage_stats.hpp"
 #include "daemon/status_board.hpp"
 #include "daemon/supervisor.hpp"
+#include "drivers/gray_camera.hpp"
 #include "transport/dds/publisher.hpp"
 
 namespace maplet::daemon {
@@ -59,7 +61,9 @@ class App {
   [[nodiscard]] SourceCounters source_counters() const;
   [[nodiscard]] bool allowed(const std::optional<std::string>& problem);  // to run without
   void open_console();  // for mapletctl; does without it
-  void reload();        // the housekeeping thread's
+  [[nodiscard]] bool open_gpio();
+  [[nodiscard]] bool open_gray();
+  void reload();  // the housekeeping thread's
 
   // app.cpp: the loop.
   [[nodiscard]] bool loop();  // until the end, a signal, or a failure: false
@@ -79,6 +83,8 @@ class App {
   void publish(const Record& record);
   void say_detail();  // what the source had to skip, once
   void say_tracking(const Track& track) noexcept;
+  void set_tracking(bool tracking) noexcept;  // as the lines show it
+  void stay_held();                           // while the switch is on
 
   // app_status.cpp
   [[nodiscard]] StatusRecord status(StatusRecord::State state) const;
@@ -99,8 +105,10 @@ class App {
   Pace pace_;
   RunTotals totals_;
   std::unique_ptr<FramePool> frames_;  ///< none in fast pace
+  std::unique_ptr<GrayCamera> gray_;   ///< beside the depth camera; outlives the source
   std::unique_ptr<DepthSource> source_;
   CaptureThread* capture_ = nullptr;  ///< source_, where it has a thread of its own
+  DurationHistogram latency_;         ///< from the camera's runtime to a frame here
   Governor governor_;
   std::unique_ptr<RunOutput> output_;
   std::unique_ptr<DdsPublisher> publisher_;
@@ -108,8 +116,9 @@ class App {
   LiveConfig live_;
   StatusBoard board_;
   std::unique_ptr<MemoryStatus> memory_;
-  std::unique_ptr<Console> console_;  ///< asks the radio: ends before it
   Heartbeat heart_;                   ///< of the loop
+  std::unique_ptr<GpioPanel> gpio_;   ///< looks at the heart; none where no line is used
+  std::unique_ptr<Console> console_;  ///< asks the radio and the panel: ends before them
   MonotonicClock monotonic_;
   Instant start_;
   Duration budget_;  ///< of a frame
@@ -122,6 +131,7 @@ class App {
   int timeouts_ = 0;   ///< in a row
   FewLines warnings_;  ///< written by the housekeeping thread
   Line said_;
+  Line gray_said_;
   SourceCounters gone_;  ///< of sources that were closed
   std::array<std::byte, kMaxMapletBytes> maplet_bytes_{};
   std::unique_ptr<Supervisor> supervisor_;  ///< looks at much of the above: ends first

@@ -66,6 +66,7 @@ void App::listen(int meetings) {
   if (!radio_) return;
   constexpr int kAtOnce = 16;
   radio_->set_record_clock(last_stamp_);
+  if (gpio_) radio_->set_clock_rate(gpio_->clock_rate());
   const StageScope scope{meters_, Stage::kExchange, budget_};
   const Deadline until = deadline(budget_);
   DeltaPoseRecord record;

@@ -9,11 +9,13 @@
 #include "daemon/alloc_counter.hpp"
 #include "daemon/app.hpp"
 #include "daemon/configure.hpp"
+#include "daemon/gray_setup.hpp"
 #include "daemon/log.hpp"
 #include "daemon/run_setup.hpp"
 #include "daemon/service_notify.hpp"
 #include "daemon/signals.hpp"
 #include "daemon/thread_setup.hpp"
+#include "drivers/paired_source.hpp"
 
 namespace maplet::daemon {
 
@@ -24,6 +26,7 @@ int App::open() {
   }
   // A finite run has its source before it touches the folder: a typing error spoils nothing.
   const bool finite = !options_.out.empty();
+  if (!open_gray()) return kExitFailure;
   if (finite) {
     if (const int exit_code = open_source(false); exit_code != kExitDone) return exit_code;
     auto output = RunOutput::create(options_.out);
@@ -33,6 +36,7 @@ int App::open() {
     }
     output_ = std::move(*output);
   }
+  if (!open_gpio()) return kExitFailure;
   open_console();
   supervisor_ = std::make_unique<Supervisor>(heart_, board_, warnings_, [this, finite] {
     if (!finite) reload();
@@ -57,10 +61,14 @@ int App::open() {
 int App::open_source(bool again) {
   const ThirdPartyScope theirs;  // opening is a driver's business, and rare
   close_source();                // a camera opens once
+  set_tracking(false);
   const SourceOptions options = source_options(config_);
   bool said = false;
   while (true) {
-    auto opened = maplet::open_source(config_.input.source, options);
+    auto opened = [&] {
+      const Heartbeat::Waiting waiting{heart_};
+      return maplet::open_source(config_.input.source, options);
+    }();
     if (opened) {
       if (!has_room_for(**opened)) return kExitUsage;
       take_source(std::move(*opened));
@@ -122,12 +130,40 @@ void App::take_source(std::unique_ptr<DepthSource> source) {
     source_ = std::move(source);
     return;
   }
+  if (gray_) {
+    source = std::make_unique<PairedSource>(std::move(source), *gray_, *gray_options(config_.gray));
+  }
   const int priority = config_.realtime.capture_priority;
   auto capture = std::make_unique<CaptureThread>(std::move(source), pace_, *frames_, [priority] {
     if (const auto problem = set_up_this_thread("capture", priority)) log_warning(*problem);
   });
   capture_ = capture.get();
   source_ = std::move(capture);
+}
+
+bool App::open_gray() {
+  if (!config_.gray.used() || pace_ != Pace::kLive) return true;
+  auto opened = open_libcamera(*gray_options(config_.gray));
+  if (!opened) {
+    log_error("gray_camera.source: " + opened.error());
+    return false;
+  }
+  gray_ = std::move(*opened);
+  return true;
+}
+
+bool App::open_gpio() {
+  if (!config_.gpio.used() || pace_ == Pace::kFast) return true;
+  gpio_ = std::make_unique<GpioPanel>(config_.gpio, heart_);
+  for (const std::string& missing : gpio_->open()) {
+    if (config_.gpio.required) {
+      log_error(missing + " (gpio.required)");
+      return false;
+    }
+    log_warning(missing);
+  }
+  gpio_->start();
+  return true;
 }
 
 bool App::allowed(const std::optional<std::string>& problem) {
@@ -151,8 +187,8 @@ void App::reload() {
 
 void App::open_console() {
   if (config_.control.socket == "none") return;
-  console_ = std::make_unique<Console>(
-      Console::Subjects{identity_, board_, *memory_, live_, radio_.get()});
+  console_ = std::make_unique<Console>(Console::Subjects{identity_, board_, *memory_, live_,
+                                                         radio_.get(), gpio_.get(), gray_.get()});
   if (const std::string problem = console_->open(config_.control.socket); !problem.empty()) {
     log_warning(problem);
     console_.reset();

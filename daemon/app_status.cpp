@@ -12,8 +12,12 @@ using namespace std::chrono_literals;
 void App::publish_status(StatusRecord::State state) {
   last_status_ = monotonic_.now();
   const StatusRecord record = status(state);
+  const auto us = [this](double share) {
+    return static_cast<std::uint32_t>(latency_.percentile(share) / 1us);
+  };
+  const StageTime latency{us(0.5), us(0.99), static_cast<std::uint32_t>(latency_.max() / 1us), 0};
   const std::uint64_t held = radio_ ? radio_->records_digest() : 0;  // before settled is asked
-  board_.note({record, agent_->settled() && (!radio_ || radio_->settled()),
+  board_.note({record, latency, agent_->settled() && (!radio_ || radio_->settled()),
                agent_->skeleton().records_digest(), held, agent_->range_counters()});
   if (publisher_) (void)publisher_->publish(record);
 }

@@ -67,9 +67,10 @@ void CaptureThread::loop() noexcept {
       return source_->next(Deadline{clock, kPatience});
     }();
     if (next) {
-      const ReadCost cost{now_of(CLOCK_MONOTONIC) - wall, now_of(CLOCK_THREAD_CPUTIME_ID) - cpu};
+      const ReadCost cost{now_of(CLOCK_MONOTONIC) - wall, now_of(CLOCK_THREAD_CPUTIME_ID) - cpu,
+                          source_->came()};
       pacer_.wait(next->stamp, stop_);
-      if (fill(*next)) offer(cost);
+      if (!held_ && fill(*next)) offer(cost);
     } else if (next.error().code != ErrorCode::kTimeout) {
       const std::scoped_lock lock{mutex_};
       note();
@@ -93,6 +94,7 @@ bool CaptureThread::fill(const DepthFrame& frame) noexcept {
 
 void CaptureThread::offer(ReadCost cost) noexcept {
   const std::scoped_lock lock{mutex_};
+  if (held_) return;
   std::swap(filling_, newest_);
   if (fresh_) ++overrun_;
   fresh_ = true;
@@ -104,6 +106,12 @@ void CaptureThread::note() noexcept {
   counters_ = source_->counters();
   if (const std::string_view said = source_->detail(); !said.empty())
     detail_ = Line{said.data(), said.size()};
+}
+
+void CaptureThread::hold(bool held) noexcept {
+  const std::scoped_lock lock{mutex_};
+  held_ = held;
+  fresh_ = false;
 }
 
 Expected<DepthFrame> CaptureThread::next(Deadline deadline) noexcept {

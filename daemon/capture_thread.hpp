@@ -48,6 +48,7 @@ class FramePool {
 struct ReadCost {
   Duration wall{};
   Duration cpu{};
+  std::optional<Instant> came{};  ///< when the device's runtime had it
 };
 
 /// A source on a thread of its own: however long a frame is worked at, the camera is read; the
@@ -69,6 +70,8 @@ class CaptureThread final : public DepthSource {
   [[nodiscard]] SourceCounters counters() const noexcept override;
   [[nodiscard]] std::string_view detail() const noexcept override { return view(detail_here_); }
   [[nodiscard]] std::optional<std::uint64_t> length() const noexcept override { return length_; }
+  /// Until it is let go again frames are read and let pass, uncounted; one that waits is forgotten.
+  void hold(bool held) noexcept;
   /// Of the frame that next() gave last.
   [[nodiscard]] ReadCost cost() const noexcept { return cost_here_; }
 
@@ -101,6 +104,7 @@ class CaptureThread final : public DepthSource {
   ReadCost cost_here_;
   Line detail_here_;
 
+  std::atomic<bool> held_{false};
   std::atomic<bool> stop_{false};
   std::thread thread_;
 };

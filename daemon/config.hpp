@@ -5,6 +5,8 @@
 
 #include "core/agent/agent_config.hpp"
 #include "core/base/field.hpp"
+#include "daemon/gpio_config.hpp"
+#include "daemon/gray_config.hpp"
 #include "transport/dds/config.hpp"
 #include "transport/dds/radio_config.hpp"
 #include "transport/sync/sync_config.hpp"
@@ -129,6 +131,8 @@ struct Config {
   SyncConfig exchange;
   ControlConfig control;
   RealtimeConfig realtime;
+  GpioConfig gpio;
+  GrayConfig gray;
 };
 
 }  // namespace maplet::daemon

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "daemon/config_keys.hpp"
+#include "daemon/gray_setup.hpp"
 
 namespace maplet::daemon {
 
@@ -117,6 +118,7 @@ tl::expected<void, ConfigError> check_together(const Config& config) {
     return tl::unexpected<ConfigError>{
         "camera: width_px, height_px, fx_px and fy_px go together: give all four, or none"};
   }
+  if (const auto gray = gray_options(config.gray); !gray) return tl::unexpected{gray.error()};
   return {};
 }
 

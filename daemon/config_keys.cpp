@@ -93,16 +93,18 @@ struct DurationValue {
 
 struct StringValue {
   static bool set(std::string& out, const toml::node& node, const auto& field) {
-    const auto value = node.is_array() ? joined(*node.as_array()) : node.value_exact<std::string>();
+    const auto value = node.is_array() ? joined(*node.as_array(), field.key.starts_with("T_"))
+                                       : node.value_exact<std::string>();
     if (!value || !is_choice(field.choices, *value)) return false;
     out = *value;
     return true;
   }
-  /// Several words may be written as a list.
-  static std::optional<std::string> joined(const toml::array& list) {
+  /// Several words may be written as a list; of a pose, numbers.
+  static std::optional<std::string> joined(const toml::array& list, bool numbers) {
     std::string all;
     for (const toml::node& item : list) {
-      const auto word = item.value_exact<std::string>();
+      std::optional<std::string> word = item.value_exact<std::string>();
+      if (numbers && item.is_number()) word = fmt::format("{}", *item.value<double>());
       if (!word) return {};
       all += (all.empty() ? "" : ",") + *word;
     }
@@ -192,6 +194,7 @@ const std::vector<ConfigKey>& config_keys() {
     MAPLET_SECTION("input", input);
     MAPLET_SECTION("input", agent.decimator);
     MAPLET_SECTION("camera", camera);
+    MAPLET_SECTION("gray_camera", gray);
     MAPLET_SECTION("body", body);
     MAPLET_SECTION("frame", agent.frame);
     MAPLET_SECTION("patches", agent.patches);
@@ -205,6 +208,7 @@ const std::vector<ConfigKey>& config_keys() {
     MAPLET_SECTION("exchange", exchange);
     MAPLET_SECTION("control", control);
     MAPLET_SECTION("realtime", realtime);
+    MAPLET_SECTION("gpio", gpio);
     return keys;
   }();
   return all;

@@ -11,10 +11,12 @@
 
 #include "core/agent/agent.hpp"
 #include "daemon/control_server.hpp"
+#include "daemon/gpio_panel.hpp"
 #include "daemon/live_config.hpp"
 #include "daemon/memory_status.hpp"
 #include "daemon/radio_link.hpp"
 #include "daemon/status_board.hpp"
+#include "drivers/gray_camera.hpp"
 
 namespace maplet::daemon {
 
@@ -34,7 +36,9 @@ class Console {
     const StatusBoard& board;
     const MemoryStatus& memory;
     LiveConfig& config;
-    RadioLink* radio;  ///< nullptr: --no-dds
+    RadioLink* radio;                  ///< nullptr: --no-dds
+    const GpioPanel* gpio = nullptr;   ///< nullptr: no line is used
+    const GrayCamera* gray = nullptr;  ///< nullptr: none beside the depth camera
   };
   explicit Console(const Subjects& subjects) noexcept : about_us_{subjects} {}
 

@@ -63,7 +63,10 @@ std::string Console::status_text() const {
   const auto radio = about_us_.radio == nullptr
                          ? nullptr
                          : std::make_unique<RadioStatus>(about_us_.radio->status());
-  return status_json(about_us_.board.read(), about_us_.memory, radio.get()).dump();
+  Json json = status_json(about_us_.board.read(), about_us_.memory, radio.get());
+  if (about_us_.gpio != nullptr) json["gpio"] = gpio_json(about_us_.gpio->status());
+  if (about_us_.gray != nullptr) json["gray_camera"] = gray_json(*about_us_.gray);
+  return json.dump();
 }
 
 std::string Console::peers_text() const {

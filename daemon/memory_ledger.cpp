@@ -13,6 +13,7 @@
 #include "daemon/own_records.hpp"
 #include "daemon/radio_link.hpp"
 #include "daemon/stage_stats.hpp"
+#include "drivers/gray_ring.hpp"
 
 namespace maplet::daemon {
 
@@ -39,7 +40,8 @@ void add(MemoryLedger& ledger, std::string_view component, std::size_t count, st
 void add_beside(MemoryLedger& ledger, const Config& config, bool dds) {
   add(ledger, "stage meters", 1, sizeof(StageMeters));
   add(ledger, "control answers", 1, sizeof(Console));
-  add(ledger, "threads/ours, stacks", kOwnThreads, kStackBytes);
+  const std::size_t more = (config.gpio.used() ? 1 : 0) + (config.gray.used() ? 1 : 0);
+  add(ledger, "threads/ours, stacks", kOwnThreads + more, kStackBytes);
   add(ledger, "runtime", 1, kRuntimeBytes);
   if (dds) {
     add(ledger, "radio/queues", 1, sizeof(RadioLink) + 2 * kMiB);
@@ -53,6 +55,11 @@ void add_beside(MemoryLedger& ledger, const Config& config, bool dds) {
   }
   const std::size_t pixels = config.agent.limits.image().pixels();
   add(ledger, "capture/frames", 1, FramePool::bytes(pixels));
+  if (config.gray.used()) {
+    add(ledger, "gray camera/images", GrayRing::kImages + 2 + kCameraFrames,
+        static_cast<std::size_t>(config.gray.width_px) *
+            static_cast<std::size_t>(config.gray.height_px));
+  }
   if (config.input.source.empty() || config.input.source.starts_with("openni2:")) {
     add(ledger, "openni2/frames", kCameraFrames, pixels * 2);
     if (config.input.gray == "auto")

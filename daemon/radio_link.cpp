@@ -211,7 +211,7 @@ void RadioLink::take_own(Instant now) noexcept {
   const std::int64_t clock_ns = record_clock_ns_;
   if (clock_ns != record_clock_set_) {
     record_clock_set_ = clock_ns;
-    node_->set_record_clock(Stamp{clock_ns}, now);
+    node_->set_record_clock(Stamp{clock_ns}, now, clock_rate_);
   }
   if (silent_ != node_->silent()) {
     node_->set_silent(silent_);

@@ -69,6 +69,8 @@ class RadioLink final : private RecordTaker, private FrameTaker {
   bool publish(const MapletKey& key, std::span<const std::byte> bytes, float saliency) noexcept;
   /// The record clock: of the newest frame.
   void set_record_clock(Stamp stamp) noexcept { record_clock_ns_ = stamp.count(); }
+  /// True seconds in a second of our clock: how the record clock goes on while no frames come.
+  void set_clock_rate(double rate) noexcept { clock_rate_ = rate; }
 
   /// The next record of others. @return false when there is none
   bool heard(DeltaPoseRecord& record) noexcept { return delta_poses_in_.pop(record); }
@@ -146,6 +148,7 @@ class RadioLink final : private RecordTaker, private FrameTaker {
 
   std::atomic<std::int64_t> record_clock_ns_{0};
   std::int64_t record_clock_set_ = 0;
+  std::atomic<double> clock_rate_{1.0};
   std::atomic<bool> silent_{false};
   std::atomic<bool> stop_{false};
   std::atomic<bool> open_{false};

@@ -53,7 +53,7 @@ SourceOptions source_options(const Config& config) {
   options.camera = {c.width_px, c.height_px, c.fx_px, c.fy_px, c.cx_px, c.cy_px};
   options.metres_per_unit = c.metres_per_unit;
   options.registered_to_colour = c.registered_to_colour;
-  options.gray = config.input.gray == "auto";
+  options.gray = config.input.gray == "auto" && !config.gray.used();
   options.noise = noise_model(c);
   return options;
 }

@@ -19,6 +19,8 @@
 #include "daemon/memory_ledger.hpp"
 #include "daemon/memory_status.hpp"
 #include "daemon/run_setup.hpp"
+#include "drivers/gpio/gpio_line.hpp"
+#include "drivers/gray_camera.hpp"
 #include "drivers/open_source.hpp"
 #include "drivers/openni2/cameras.hpp"
 
@@ -93,21 +95,50 @@ void check_camera(std::vector<CheckResult>& results, const Config& config) {
   }
 }
 
-void check_gpio(std::vector<CheckResult>& results) {
-  std::error_code error;
-  int chips = 0;
-  for (const auto& entry : fs::directory_iterator{"/dev", error}) {
-    const std::string path = entry.path();
-    if (!entry.path().filename().string().starts_with("gpiochip")) continue;
-    ++chips;
-    if (access(path.c_str(), R_OK | W_OK) == 0) {
-      results.push_back(ok("gpio", path + " may be used"));
+void check_gray(std::vector<CheckResult>& results, const GrayConfig& config) {
+  const auto cameras = libcamera_cameras();
+  if (!cameras) {
+    results.push_back({"libcamera", config.used() ? Result::kFail : Result::kOk, cameras.error(),
+                       config.used() ? "install libcamera0.0.3 and libcamera-ipa" : ""});
+    return;
+  }
+  const std::string id = config.used() ? config.source.substr(config.source.find(':') + 1) : "";
+  bool found = id.empty() && !cameras->empty();
+  for (const std::string& camera : *cameras) {
+    results.push_back(ok("libcamera", camera));
+    found = found || (!id.empty() && camera.starts_with(id));
+  }
+  if (!config.used()) {
+    if (cameras->empty()) results.push_back(ok("libcamera", "no camera, and none is asked for"));
+  } else if (!found) {
+    results.push_back({"libcamera", Result::kWarn,
+                       "gray_camera.source = " + config.source + ": no such camera",
+                       "connect it, and be in the group video; depth goes on alone meanwhile"});
+  }
+}
+
+void check_gpio(std::vector<CheckResult>& results, const GpioConfig& config) {
+  const auto chips = gpio_chips();
+  for (const GpioChip& chip : chips) {
+    if (chip.problem.empty()) {
+      results.push_back(
+          ok("gpio", fmt::format("{} ({}): {} lines", chip.name, chip.label, chip.lines)));
     } else {
-      results.push_back({"gpio", Result::kWarn, path + ": this user may not use it",
+      results.push_back({"gpio", Result::kWarn, chip.name + ": " + chip.problem,
                          "add the user to the chip's group (gpio)"});
     }
   }
-  if (chips == 0) results.push_back(ok("gpio", "no chip: no lines will be used"));
+  if (chips.empty() && !config.used()) results.push_back(ok("gpio", "no chip, no lines to use"));
+  for (const std::string* line :
+       {&config.tracking, &config.heartbeat, &config.hold, &config.pulse}) {
+    if (line->empty()) continue;
+    // As an input: nothing that hangs on the line is moved.
+    const auto opened = GpioLine::open(*line, false, GpioLine::Use::kInput);
+    results.push_back(opened ? ok("gpio", "line '" + *line + "' is free")
+                             : CheckResult{"gpio", config.required ? Result::kFail : Result::kWarn,
+                                           opened.error(),
+                                           "while mapletd runs, its lines are in use by it"});
+  }
 }
 
 void check_clock(std::vector<CheckResult>& results) {
@@ -237,7 +268,8 @@ std::string_view to_string(Result result) noexcept {
 std::vector<CheckResult> self_check(const Config& config) {
   std::vector<CheckResult> results;
   check_camera(results, config);
-  check_gpio(results);
+  check_gray(results, config.gray);
+  check_gpio(results, config.gpio);
   check_clock(results);
   check_network(results, config.radio);
   check_memory(results, config);

@@ -40,6 +40,8 @@ std::string service_line(const StatusRecord& s) {
       return "waiting for a camera";
     case StatusRecord::State::kStopping:
       return "stopping";
+    case StatusRecord::State::kHeld:
+      return fmt::format("held by a switch, {} maplets", s.maplets);
     case StatusRecord::State::kWaitingForInterface:
     case StatusRecord::State::kRunning:
     case StatusRecord::State::kDegraded:

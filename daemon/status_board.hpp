@@ -17,6 +17,7 @@ class StatusBoard {
  public:
   struct Notice {
     StatusRecord status;
+    StageTime latency;     ///< from the camera's runtime having a frame to work at it
     bool settled = false;  ///< the skeleton, with every record that anybody heard holds
     std::uint64_t skeleton_digest = 0;  ///< of the records in it
     std::uint64_t records_digest = 0;   ///< of those held then

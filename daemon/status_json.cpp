@@ -85,6 +85,30 @@ Json memory_json(const MemoryStatus& memory) {
 
 }  // namespace
 
+nlohmann::ordered_json gpio_json(const GpioStatus& status) {
+  Json json{{"tracking", status.tracking},
+            {"heartbeat", status.heartbeat},
+            {"hold", status.hold},
+            {"problems", status.problems}};
+  if (status.has_pulse) {
+    json["pulse"] = {
+        {"locked", status.pulse.locked},       {"frequency_ppm", status.pulse.frequency_ppm},
+        {"jitter_us", status.pulse.jitter_us}, {"phase_us", status.pulse.phase_us},
+        {"pulses", status.pulse.pulses},       {"glitches", status.pulse.glitches},
+        {"missed", status.pulse.missed}};
+  }
+  return json;
+}
+
+nlohmann::ordered_json gray_json(const GrayCamera& camera) {
+  const Line state = camera.state();
+  return {{"running", camera.running()},
+          {"detail", std::string{view(state)}},
+          {"images", camera.images()},
+          {"paired", camera.paired.load()},
+          {"alone", camera.alone.load()}};
+}
+
 nlohmann::ordered_json peer_json(const RadioStatus::PeerStatus& status) {
   const Peer& peer = status.peer;
   const double all = static_cast<double>(peer.datagrams + peer.lost);
@@ -117,6 +141,9 @@ nlohmann::ordered_json status_json(const StatusBoard::Notice& notice, const Memo
              {{"read", s.frames_read},
               {"processed", s.frames_processed},
               {"dropped", s.frames_dropped}}}};
+  json["latency"] = {{"p50_us", notice.latency.p50_us},
+                     {"p99_us", notice.latency.p99_us},
+                     {"max_us", notice.latency.max_us}};
   for (std::size_t i = 0; i < kStages; ++i) {
     const StageTime& t = s.stages[i];
     json["stages"][std::string{kStageNames[i]}] = {{"p50_us", t.p50_us},

@@ -3,9 +3,11 @@
 
 #include <nlohmann/json.hpp>
 
+#include "daemon/gpio_panel.hpp"
 #include "daemon/memory_status.hpp"
 #include "daemon/radio_link.hpp"
 #include "daemon/status_board.hpp"
+#include "drivers/gray_camera.hpp"
 
 namespace maplet::daemon {
 
@@ -13,6 +15,12 @@ namespace maplet::daemon {
 [[nodiscard]] nlohmann::ordered_json status_json(const StatusBoard::Notice& notice,
                                                  const MemoryStatus& memory,
                                                  const RadioStatus* radio);
+
+/// Its "gpio", where lines are used.
+[[nodiscard]] nlohmann::ordered_json gpio_json(const GpioStatus& status);
+
+/// Its "gray_camera", where there is one.
+[[nodiscard]] nlohmann::ordered_json gray_json(const GrayCamera& camera);
 
 /// One entry of its "peers".
 [[nodiscard]] nlohmann::ordered_json peer_json(const RadioStatus::PeerStatus& status);

@@ -20,7 +20,7 @@ constexpr Duration kLook = 50ms;  // at signals and the end
 
 }  // namespace
 
-Supervisor::Supervisor(Heartbeat& estimator, const StatusBoard& board, FewLines& warnings,
+Supervisor::Supervisor(const Heartbeat& estimator, const StatusBoard& board, FewLines& warnings,
                        std::function<void()> reload)
     : estimator_{estimator}, board_{board}, warnings_{warnings}, reload_{std::move(reload)} {
   thread_ = start_thread("housekeeping", [this] { loop(); });

@@ -23,7 +23,7 @@ namespace maplet::daemon {
 class Supervisor {
  public:
   /// @param reload  reads the configuration
-  Supervisor(Heartbeat& estimator, const StatusBoard& board, FewLines& warnings,
+  Supervisor(const Heartbeat& estimator, const StatusBoard& board, FewLines& warnings,
              std::function<void()> reload);
   ~Supervisor();
   Supervisor(const Supervisor&) = delete;
@@ -32,7 +32,7 @@ class Supervisor {
  private:
   void loop();
 
-  Heartbeat& estimator_;
+  Heartbeat::Look estimator_;
   const StatusBoard& board_;
   FewLines& warnings_;
   std::function<void()> reload_;

@@ -38,6 +38,10 @@ class DepthSource {
   /// next call of next().
   [[nodiscard]] virtual std::string_view detail() const noexcept { return {}; }
 
+  /// When the device's runtime had the frame that next() gave last, on the monotonic clock; nothing
+  /// where that is not known.
+  [[nodiscard]] virtual std::optional<Instant> came() const noexcept { return {}; }
+
   /// How many frames the recording holds, where that is known.
   [[nodiscard]] virtual std::optional<std::uint64_t> length() const noexcept { return {}; }
 

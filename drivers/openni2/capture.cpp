@@ -56,6 +56,7 @@ void Capture::take_depth() noexcept {
   openni::VideoFrameRef frame;
   if (!depth_.read(frame)) return;
   last_came_ = depth_came_ = Monotonic::now();
+  came_ = Instant{Duration{arrivals_.last.load(std::memory_order_acquire)}};
   if (!recording_ && last_index_ && frame.getFrameIndex() > *last_index_ + 1) {
     const auto lost = static_cast<std::uint64_t>(frame.getFrameIndex() - *last_index_ - 1);
     counters_.dropped += lost;

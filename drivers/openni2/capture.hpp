@@ -4,6 +4,7 @@
 #include <OpenNI.h>
 
 #include <array>
+#include <atomic>
 #include <chrono>
 #include <memory>
 #include <string>
@@ -28,11 +29,15 @@ class Capture final : public DepthSource {
   ~Capture() override;
 
   /// Opens and starts it; once. After an error the object is of no use.
-  [[nodiscard]] tl::expected<void, SourceError> open();
+  /// @param record_to  a file (.oni) that a camera's frames also go into, from the first on; empty
+  /// =
+  ///   none
+  [[nodiscard]] tl::expected<void, SourceError> open(const std::string& record_to = {});
 
   [[nodiscard]] Expected<DepthFrame> next(Deadline deadline) noexcept override;
   [[nodiscard]] SourceCounters counters() const noexcept override { return counters_; }
   [[nodiscard]] std::string_view detail() const noexcept override { return view(detail_); }
+  [[nodiscard]] std::optional<Instant> came() const noexcept override { return came_; }
   [[nodiscard]] std::optional<std::uint64_t> length() const noexcept override { return length_; }
   [[nodiscard]] std::optional<ImageSize> size() const noexcept override {
     return ImageSize{frame_.camera.width_px, frame_.camera.height_px};
@@ -51,6 +56,13 @@ class Capture final : public DepthSource {
     void demand() noexcept;
     [[nodiscard]] bool read(openni::VideoFrameRef& frame) noexcept;
   };
+  /// Notes when the runtime has a new depth frame, on its thread.
+  struct Arrivals final : openni::VideoStream::NewFrameListener {
+    void onNewFrame(openni::VideoStream& /*stream*/) override {
+      last.store(Monotonic::now().time_since_epoch().count(), std::memory_order_release);
+    }
+    std::atomic<Monotonic::rep> last{0};
+  };
   struct GrayImage {
     std::vector<std::uint8_t> pixels;
     std::optional<Stamp> stamp;  ///< nothing: no image yet
@@ -62,6 +74,7 @@ class Capture final : public DepthSource {
   Setup set_camera(int width_px, int height_px);
   Setup open_recording();
   void open_colour();
+  Setup start_recorder(const std::string& file);
   Setup start(Channel& channel);
 
   Got wait(bool depth_too, int timeout_ms) noexcept;
@@ -79,6 +92,9 @@ class Capture final : public DepthSource {
   openni::Device device_;
   Channel depth_;
   Channel colour_;
+  openni::Recorder recorder_;
+  Arrivals arrivals_;
+  Instant came_{};
   Layout layout_{};
   bool gray_wanted_ = false;
 

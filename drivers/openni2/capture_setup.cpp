@@ -22,12 +22,14 @@ Capture::Capture(std::string uri, bool recording, const SourceOptions& options)
 }
 
 Capture::~Capture() {
+  recorder_.destroy();  // it closes the file
   // The player may stand at a gate while it holds locks that stopping takes.
   for (Channel* channel : {&depth_, &colour_}) {
     if (channel->gate) channel->gate->open();
   }
   for (Channel* channel : {&colour_, &depth_}) {
     if (!channel->stream.isValid()) continue;
+    if (channel == &depth_) channel->stream.removeNewFrameListener(&arrivals_);
     channel->stream.stop();
     channel->stream.destroy();
   }
@@ -38,7 +40,7 @@ tl::unexpected<SourceError> Capture::bad(std::string what) const {
   return source_error(Kind::kBad, fmt::format("openni2: {}: {}", uri_, what));
 }
 
-auto Capture::open() -> Setup {
+auto Capture::open(const std::string& record_to) -> Setup {
   if (device_.open(uri_.c_str()) != openni::STATUS_OK) {
     if (recording_) {
       return bad("OpenNI2 cannot play it: empty, cut off or not a recording (" + last_error() +
@@ -54,6 +56,10 @@ auto Capture::open() -> Setup {
     if (auto set = open_recording(); !set) return set;
   }
   open_colour();
+  depth_.stream.addNewFrameListener(&arrivals_);
+  if (!record_to.empty()) {
+    if (auto recorded = start_recorder(record_to); !recorded) return recorded;
+  }
   if (auto started = start(depth_); !started) return started;
   // Depth does without gray: a colour stream that does not start is left out.
   if (gray_wanted_ && !start(colour_)) gray_wanted_ = false;
@@ -92,9 +98,15 @@ auto Capture::set_depth_mode() -> Setup {
   const openni::SensorInfo& sensor = depth_.stream.getSensorInfo();
   const CameraModel wanted = options_.camera.valid() ? options_.camera : CameraModel{};
   const auto mode = choose_depth_mode(sensor, wanted);
+  if (!mode && wanted.width_px == 0) {
+    return bad("no depth mode that can be read at a rate above 0 Hz; there are " +
+               list_modes(sensor));
+  }
   if (!mode) {
-    return bad(fmt::format("no depth mode of the configured size {}x{}; there are {}",
-                           wanted.width_px, wanted.height_px, list_modes(sensor)));
+    return bad(
+        fmt::format("no depth mode of the configured size {}x{} at a rate above 0 Hz; there "
+                    "are {}",
+                    wanted.width_px, wanted.height_px, list_modes(sensor)));
   }
   if (depth_.stream.setVideoMode(*mode) != openni::STATUS_OK) {
     return bad("refuses its own depth mode: " + last_error());
@@ -162,14 +174,29 @@ void Capture::open_colour() {
   gray_wanted_ = true;
 }
 
-auto Capture::start(Channel& channel) -> Setup {
-  if (recording_) {
-    const openni::VideoMode mode = channel.stream.getVideoMode();
-    const std::size_t bytes = mode.getPixelFormat() == openni::PIXEL_FORMAT_RGB888 ? 3 : 2;
-    channel.gate = std::make_unique<DemandGate>(bytes * pixels_.size());
-    if (channel.stream.setFrameBuffersAllocator(channel.gate.get()) != openni::STATUS_OK) {
-      return bad("takes no buffers of ours: " + last_error());
+auto Capture::start_recorder(const std::string& file) -> Setup {
+  const auto failed = [&] {
+    return bad(fmt::format("cannot be recorded to {}: {}; make room, or name another file", file,
+                           last_error()));
+  };
+  if (recorder_.create(file.c_str()) != openni::STATUS_OK) return failed();
+  for (Channel* channel : {&depth_, &colour_}) {
+    if (channel->stream.isValid() && recorder_.attach(channel->stream) != openni::STATUS_OK) {
+      return failed();
     }
+  }
+  if (recorder_.start() != openni::STATUS_OK) return failed();
+  return {};
+}
+
+auto Capture::start(Channel& channel) -> Setup {
+  const openni::VideoMode mode = channel.stream.getVideoMode();
+  const std::size_t bytes = mode.getPixelFormat() == openni::PIXEL_FORMAT_RGB888 ? 3 : 2;
+  channel.gate = std::make_unique<DemandGate>(bytes * pixels_.size(),
+                                              recording_ ? DemandGate::kPlayed : DemandGate::kLive);
+  if (!recording_) channel.gate->open();
+  if (channel.stream.setFrameBuffersAllocator(channel.gate.get()) != openni::STATUS_OK) {
+    return bad("takes no buffers of ours: " + last_error());
   }
   if (channel.stream.start() != openni::STATUS_OK) {
     return bad("does not start: " + last_error());

@@ -18,7 +18,8 @@ void DemandGate::AlignedDelete::operator()(std::byte* memory) const noexcept {
   operator delete(memory, kAlign);
 }
 
-DemandGate::DemandGate(std::size_t frame_bytes) : frame_bytes_{frame_bytes} {
+DemandGate::DemandGate(std::size_t frame_bytes, std::size_t buffers)
+    : frame_bytes_{frame_bytes}, buffers_(buffers), used_(buffers) {
   for (Buffer& buffer : buffers_) buffer.reset(take(frame_bytes));
 }
 
@@ -46,7 +47,7 @@ void* DemandGate::allocateFrameBuffer(int size) {
   --waiting_;
   wanted_ = std::max(0, wanted_ - 1);
   if (static_cast<std::size_t>(size) <= frame_bytes_) {
-    for (std::size_t i = 0; i < kBuffers; ++i) {
+    for (std::size_t i = 0; i < buffers_.size(); ++i) {
       if (used_[i]) continue;
       used_[i] = true;
       return buffers_[i].get();
@@ -57,7 +58,7 @@ void* DemandGate::allocateFrameBuffer(int size) {
 
 void DemandGate::freeFrameBuffer(void* data) {
   const std::lock_guard lock{mutex_};
-  for (std::size_t i = 0; i < kBuffers; ++i) {
+  for (std::size_t i = 0; i < buffers_.size(); ++i) {
     if (buffers_[i].get() != data) continue;
     used_[i] = false;
     return;

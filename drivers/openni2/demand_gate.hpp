@@ -3,11 +3,11 @@
 
 #include <OpenNI.h>
 
-#include <array>
 #include <condition_variable>
 #include <cstddef>
 #include <memory>
 #include <mutex>
+#include <vector>
 
 namespace maplet::openni2 {
 
@@ -18,13 +18,17 @@ namespace maplet::openni2 {
 /// read. The player asks for a buffer before it hands out a frame, on its own thread: making that
 /// request wait for demand lets every frame come, in order, whatever the timing.
 ///
-/// Memory   kBuffers frames, made at construction; a larger request gets memory of its own.
+/// Of a camera it is open: its frames land in the buffers and wait for nobody.
+///
+/// Memory   the buffers, made at construction; a larger request gets memory of its own, as do more
+///          frames at once (a recorder that lags behind).
 /// Threads  demand() by the reader; the allocator's functions by the player.
 class DemandGate final : public openni::VideoStream::FrameAllocator {
  public:
-  static constexpr std::size_t kBuffers = 3;
+  static constexpr std::size_t kPlayed = 3;  ///< buffers: one with the player, two with us
+  static constexpr std::size_t kLive = 6;    ///< and what the runtime and the driver keep
 
-  explicit DemandGate(std::size_t frame_bytes);
+  DemandGate(std::size_t frame_bytes, std::size_t buffers);
 
   /// One more frame is wanted.
   void demand() noexcept;
@@ -43,8 +47,8 @@ class DemandGate final : public openni::VideoStream::FrameAllocator {
   void freeFrameBuffer(void* data) override;
 
   const std::size_t frame_bytes_;
-  std::array<Buffer, kBuffers> buffers_;
-  std::array<bool, kBuffers> used_{};
+  std::vector<Buffer> buffers_;
+  std::vector<bool> used_;
   mutable std::mutex mutex_;
   std::condition_variable changed_;
   int wanted_ = 0;

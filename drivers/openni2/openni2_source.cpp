@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <filesystem>
 
 #include "drivers/openni2/capture.hpp"
@@ -41,6 +42,13 @@ tl::expected<std::string, SourceError> file_path(const std::string& where) {
 /// The URI of the camera to open.
 tl::expected<std::string, SourceError> find_camera(const std::string& where) {
   const auto there = openni2::camera_uris();
+  const std::string wanted = where.empty() && !there.empty() ? there.front() : where;
+  if (std::count(there.begin(), there.end(), wanted) > 1) {
+    return source_error(Kind::kBad,
+                        fmt::format("openni2: {} devices call themselves {}: which one would open "
+                                    "is not known; disconnect all but one",
+                                    std::count(there.begin(), there.end(), wanted), wanted));
+  }
   if (where.empty() && !there.empty()) return there.front();
   if (!where.empty() && std::find(there.begin(), there.end(), where) != there.end()) return where;
   return source_error(
@@ -50,6 +58,18 @@ tl::expected<std::string, SourceError> find_camera(const std::string& where) {
                         "connected, let this user open it (udev rules)"}
           : fmt::format("no OpenNI2 device found at {}: connect it, or choose from: {}", where,
                         there.empty() ? "none" : fmt::format("{}", fmt::join(there, ", "))));
+}
+
+tl::unexpected<SourceError> no_runtime() {
+  return source_error(Kind::kBad, fmt::format("OpenNI2 does not start: {}; install libopenni2-0",
+                                              openni2::last_error()));
+}
+
+OpenedSource open_capture(std::string uri, bool file, const SourceOptions& options,
+                          const std::string& record_to) {
+  auto capture = std::make_unique<Capture>(std::move(uri), file, options);
+  if (auto opened = capture->open(record_to); !opened) return tl::unexpected{opened.error()};
+  return capture;
 }
 
 }  // namespace
@@ -63,17 +83,29 @@ OpenedSource open_openni2(const std::string& where, const SourceOptions& options
     uri = std::move(*path);
   }
   if (!openni2::start_runtime()) {
-    return source_error(Kind::kBad, fmt::format("OpenNI2 does not start: {}; install libopenni2-0",
-                                                openni2::last_error()));
+    return no_runtime();
   }
   if (!file) {
     auto found = find_camera(where);
     if (!found) return tl::unexpected{found.error()};
     uri = std::move(*found);
   }
-  auto capture = std::make_unique<Capture>(std::move(uri), file, options);
-  if (auto opened = capture->open(); !opened) return tl::unexpected{opened.error()};
-  return capture;
+  return open_capture(std::move(uri), file, options, {});
+}
+
+OpenedSource record_openni2(const std::string& where, const std::string& file,
+                            const SourceOptions& options) {
+  if (names_a_file(where)) {
+    return source_error(Kind::kUsage, fmt::format("openni2: {}: is a recording: name a camera, or "
+                                                  "a folder to write to",
+                                                  where));
+  }
+  std::error_code error;
+  const std::string path = std::filesystem::absolute(file, error).string();
+  if (!openni2::start_runtime()) return no_runtime();
+  auto uri = find_camera(where);
+  if (!uri) return tl::unexpected{uri.error()};
+  return open_capture(std::move(*uri), false, options, path);
 }
 
 }  // namespace maplet

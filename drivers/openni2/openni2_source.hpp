@@ -23,4 +23,9 @@ namespace maplet {
 /// Threads  the runtime adds two a stream. Opening changes the working directory for a moment.
 [[nodiscard]] OpenedSource open_openni2(const std::string& where, const SourceOptions& options);
 
+/// A camera whose frames OpenNI2's recorder writes into a file too, all of them, also those that
+/// the caller is too slow for; the file is whole once the source is gone.
+[[nodiscard]] OpenedSource record_openni2(const std::string& where, const std::string& file,
+                                          const SourceOptions& options);
+
 }  // namespace maplet

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstring>
+#include <type_traits>
 
 namespace maplet::openni2 {
 
@@ -64,6 +65,12 @@ bool copy(const openni::VideoFrameRef& frame, const Layout& layout, std::span<To
     To* row = to.data() + static_cast<std::ptrdiff_t>(part.top_px + v) * layout.width_px;
     To* at = row + (layout.mirrored ? layout.width_px - 1 - part.left_px : part.left_px);
     const std::ptrdiff_t step = layout.mirrored ? -1 : 1;
+    if constexpr (std::is_same_v<From, To>) {  // as it is
+      if (!layout.mirrored) {
+        std::memcpy(at, from, static_cast<std::size_t>(part.width_px) * sizeof(To));
+        continue;
+      }
+    }
     for (int u = 0; u < part.width_px; ++u, at += step, from += sizeof(From)) {
       From pixel;
       std::memcpy(&pixel, from, sizeof pixel);

@@ -43,7 +43,7 @@ std::optional<openni::VideoMode> choose_depth_mode(const openni::SensorInfo& sen
   std::optional<openni::VideoMode> best;
   for (int i = 0; i < modes.getSize(); ++i) {
     const openni::VideoMode& mode = modes[i];
-    if (!fits(mode) || !metres_per_unit(mode.getPixelFormat())) continue;
+    if (!fits(mode) || !metres_per_unit(mode.getPixelFormat()) || mode.getFps() <= 0) continue;
     if (wanted.width_px > 0 &&
         (mode.getResolutionX() != wanted.width_px || mode.getResolutionY() != wanted.height_px)) {
       continue;

@@ -17,7 +17,7 @@ namespace maplet::openni2 {
 [[nodiscard]] bool becomes_gray(openni::PixelFormat format) noexcept;
 
 /// The depth mode to run: the wanted size (any: 640x480, else the nearest to it), millimetres
-/// before finer units, 30 Hz before other rates.
+/// before finer units, 30 Hz before other rates; never one that claims 0 Hz.
 /// @param wanted  width_px 0 = any
 [[nodiscard]] std::optional<openni::VideoMode> choose_depth_mode(const openni::SensorInfo& sensor,
                                                                  const CameraModel& wanted);

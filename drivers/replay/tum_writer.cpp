@@ -14,15 +14,6 @@ namespace fs = std::filesystem;
 
 constexpr std::string_view kOurs = "# mapletctl ";
 
-template <class Image>
-TumWriter::Done write_image(const fs::path& file, const Image& image) {
-  std::error_code error;
-  fs::create_directories(file.parent_path(), error);
-  if (error) return Problem{fmt::format("{}: {}", file.parent_path().string(), error.message())};
-  if (auto done = write_png(file, image); !done) return Problem{done.error().what.c_str()};
-  return {};
-}
-
 bool is_ours(const fs::path& list) {
   std::string line;
   std::ifstream stream{list};
@@ -49,6 +40,16 @@ TumWriter::Done make_room(const fs::path& folder) {
 }
 
 }  // namespace
+
+template <class Image>
+TumWriter::Done TumWriter::write_image(const fs::path& file, const Image& image) {
+  std::error_code error;
+  fs::create_directories(file.parent_path(), error);
+  if (error) return Problem{fmt::format("{}: {}", file.parent_path().string(), error.message())};
+  if (auto done = write_png(file, image); !done) return Problem{done.error().what.c_str()};
+  bytes_ += fs::file_size(file, error);
+  return {};
+}
 
 tl::expected<TumWriter, std::string> TumWriter::create(const fs::path& folder,
                                                        const RecordedCamera& camera,

@@ -33,6 +33,8 @@ class TumWriter {
   [[nodiscard]] Done write_pose(Stamp stamp, const Se3& T_world_camera);
   /// Another image of the last frame written, for example `labels`: NAME/NNNNNN.png.
   [[nodiscard]] Done write_beside(std::string_view name, const ImageView<std::uint16_t>& image);
+  /// Of the images so far.
+  [[nodiscard]] std::uint64_t bytes() const noexcept { return bytes_; }
   /// Everything is on its way to the disk, or why not.
   [[nodiscard]] Done finish();
 
@@ -44,6 +46,8 @@ class TumWriter {
 
   TumWriter(const std::filesystem::path& folder, std::string_view title)
       : folder_{folder}, title_{title} {}
+  template <class Image>
+  Done write_image(const std::filesystem::path& file, const Image& image);
   Done open(List& list, std::string_view name, std::string_view columns);
   Done write_camera(const RecordedCamera& camera);
 
@@ -52,6 +56,7 @@ class TumWriter {
   List depth_, gray_, poses_;
   std::string image_;  ///< NNNNNN.png of the last frame
   std::uint64_t count_ = 0;
+  std::uint64_t bytes_ = 0;
 };
 
 }  // namespace maplet

@@ -177,6 +177,17 @@ TEST(Openni2Live, RefusesASizeThatTheCameraLacks) {
       << source.error().what;
 }
 
+TEST(Openni2Live, RefusesACameraThatClaimsNoRate) {
+  for (const SourceOptions& options : {SourceOptions{}, small()}) {
+    const auto source = open_camera("claimed_hz=0", options);
+    ASSERT_FALSE(source);
+    EXPECT_EQ(source.error().kind, Kind::kBad);
+    EXPECT_NE(source.error().what.find("rate above 0 Hz; there are 320x240 mm 0 Hz"),
+              std::string::npos)
+        << source.error().what;
+  }
+}
+
 TEST(Openni2Live, RefusesACameraWithoutDepth) {
   const auto source = open_camera("depth=0", small());
   ASSERT_FALSE(source);

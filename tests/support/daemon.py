@@ -38,11 +38,11 @@ class DaemonTest(unittest.TestCase):
     def config(self, text):
         Path(self.file("mapletd.toml")).write_text(text, encoding="utf-8")
 
-    def start(self, *arguments, watchdog_s=0, before=None, environment=None):
+    def start(self, *arguments, watchdog_s=0, before=None, environment=None, wrapper=()):
         env = dict(os.environ, NOTIFY_SOCKET=self.file("notify"), **(environment or {}))
         if watchdog_s:
             env["WATCHDOG_USEC"] = str(int(watchdog_s * 1e6))
-        command = [str(BIN / "mapletd"), "--no-dds", "--set",
+        command = [*wrapper, str(BIN / "mapletd"), "--no-dds", "--set",
                    f"control.socket={self.file('socket')}", *arguments]
         if os.path.exists(self.file("mapletd.toml")):
             command += ["--config", self.file("mapletd.toml")]

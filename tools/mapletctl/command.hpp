@@ -27,6 +27,7 @@ void add_match(Command app);
 void add_patches(Command app);
 void add_patches_eval(Command app);
 void add_range(Command app);
+void add_record(Command app);
 void add_register(Command app);
 void add_show(Command app);
 void add_simulate(Command app);

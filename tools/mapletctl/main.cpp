@@ -34,6 +34,7 @@ int main(int argc, char** argv) {
           add_patches(app);
           add_patches_eval(app);
           add_range(app);
+          add_record(app);
           add_register(app);
           add_show(app);
           add_simulate(app);

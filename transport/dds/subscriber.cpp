@@ -18,7 +18,7 @@ bool plausible(const MapletRecord& record) noexcept {
 }
 
 bool plausible(const StatusRecord& record) noexcept {
-  return record.state <= StatusRecord::State::kStopping;
+  return record.state <= StatusRecord::State::kHeld;
 }
 
 bool plausible(const DeltaPoseRecord& record) noexcept { return valid(record); }

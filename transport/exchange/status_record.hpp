@@ -30,6 +30,7 @@ struct StatusRecord {
     kWaitingForInterface,
     kDegraded,  ///< running, with less quality to keep the budget
     kStopping,
+    kHeld,  ///< by a switch: no frame is worked at
   };
 
   std::uint16_t agent = 0;
@@ -70,6 +71,8 @@ struct StatusRecord {
       return "degraded";
     case StatusRecord::State::kStopping:
       return "stopping";
+    case StatusRecord::State::kHeld:
+      return "held";
   }
   return "?";
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <optional>
 #include <span>
 
@@ -71,9 +72,12 @@ class ExchangeNode {
   /// When next() may have something to say again; at once when something waits.
   [[nodiscard]] Instant due() const noexcept;
 
-  /// The record clock stands at `stamp` now and goes on from there.
-  void set_record_clock(Stamp stamp, Instant now) noexcept {
+  /// The record clock stands at `stamp` now and goes on from there, at `rate` seconds a second of
+  /// the clock that `now` is from.
+  void set_record_clock(Stamp stamp, Instant now, double rate = 1.0) noexcept {
     clock_ahead_ = stamp - now.time_since_epoch();
+    clock_set_ = now;
+    clock_gain_ = rate - 1.0;
   }
   /// Silence: nothing is said, everything is heard.
   void set_silent(bool silent) noexcept { silent_ = silent; }
@@ -150,7 +154,8 @@ class ExchangeNode {
     return static_cast<std::uint32_t>(digest ^ digest >> 32);
   }
   [[nodiscard]] Stamp record_clock(Instant now) const noexcept {
-    return now.time_since_epoch() + clock_ahead_;
+    const auto since = static_cast<double>((now - clock_set_).count());
+    return now.time_since_epoch() + clock_ahead_ + Duration{std::llround(clock_gain_ * since)};
   }
 
   SyncConfig config_;
@@ -175,6 +180,8 @@ class ExchangeNode {
   std::uint16_t count_ = 0;
   std::uint64_t random_;
   Duration clock_ahead_{};
+  Instant clock_set_{};
+  double clock_gain_ = 0.0;
   bool silent_ = false;
   NodeCounters counters_;
   std::array<std::byte, kMaxDatagramBytes> buffer_{};

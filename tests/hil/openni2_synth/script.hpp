@@ -53,6 +53,7 @@ struct Script {
   std::string world = "room";                     ///< of the simulator
   std::map<std::string, std::string> parameters;  ///< sim.KEY=VALUE
   double rate_hz = 100.0;                         ///< of frames on the wall clock and in stamps
+  int claimed_hz = -1;                            ///< rate that the modes claim; -1 = rate_hz
   int unplug = 0;       ///< after so many frames of one plugging the cable comes out; 0 = never
   int replug_ms = 0;    ///< and goes in again so much later; 0 = never
   int silent = 0;       ///< after so many frames none comes any more; 0 = never
@@ -78,7 +79,8 @@ struct Script {
 
  private:
   void set(const std::string& key, const std::string& value) {
-    const std::map<std::string, int*> counts{{"unplug", &unplug},
+    const std::map<std::string, int*> counts{{"claimed_hz", &claimed_hz},
+                                             {"unplug", &unplug},
                                              {"replug_ms", &replug_ms},
                                              {"silent", &silent},
                                              {"absent_ms", &absent_ms}};

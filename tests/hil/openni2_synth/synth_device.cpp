@@ -32,7 +32,7 @@ SynthStream::Optics optics_of(const Script& script) {
 SynthDevice::SynthDevice(const Script& script, std::atomic<int>& frames,
                          std::function<void(int)> on_unplug)
     : script_{script}, frames_{frames}, on_unplug_{std::move(on_unplug)} {
-  const int fps = static_cast<int>(script.rate_hz);
+  const int fps = script.claimed_hz >= 0 ? script.claimed_hz : static_cast<int>(script.rate_hz);
   for (const int width : {320, 640}) {
     depth_modes_.push_back({ONI_PIXEL_FORMAT_DEPTH_1_MM, width, width * 3 / 4, fps});
     colour_modes_.push_back({ONI_PIXEL_FORMAT_RGB888, width, width * 3 / 4, fps});

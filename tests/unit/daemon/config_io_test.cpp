@@ -98,6 +98,33 @@ TEST(ConfigIo, WhatItPrintsItReads) {
   EXPECT_EQ(back->input.source, "tum:/data/with \"quotes\"");
 }
 
+TEST(ConfigIo, APoseIsAListOrText) {
+  const std::string camera = "[gray_camera]\nsource = \"libcamera:\"\nfx_px = 500.0\nfy_px = 500\n";
+  for (const char* pose : {"", "T_depth_gray = [0.025, 0, -0.1, 0, 0, 0, 1]\n",
+                           "T_depth_gray = \"0.025, 0, -0.1, 0, 0, 0, 1\"\n"}) {
+    const auto config = parse_config(camera + pose, "t");
+    ASSERT_TRUE(config) << config.error();
+    EXPECT_TRUE(check_together(*config)) << pose;
+  }
+  for (const char* pose : {"[0, 0, 0, 0, 0, 0, 2]", "[0, 0, 0, 0, 0, 1]", "\"0,0,0,0,0,0,1,\"",
+                           "\"here\"", "[0, 0, nan, 0, 0, 0, 1]"}) {
+    const auto config = parse_config(camera + "T_depth_gray = " + pose + "\n", "t");
+    ASSERT_TRUE(config) << config.error();
+    const auto checked = check_together(*config);
+    ASSERT_FALSE(checked) << pose;
+    EXPECT_THAT(checked.error(), HasSubstr("gray_camera.T_depth_gray"));
+  }
+  EXPECT_THAT(error_of("[gpio]\nhold = [1, 2]\n"), HasSubstr("gpio.hold"));
+}
+
+TEST(ConfigIo, AGrayCameraNeedsItsIntrinsicsAndAScheme) {
+  Config config;
+  ASSERT_TRUE(set_key(config, "gray_camera.source=libcamera:"));
+  EXPECT_THAT(check_together(config).error(), HasSubstr("calibrate"));
+  ASSERT_TRUE(set_key(config, "gray_camera.source=v4l2:"));
+  EXPECT_THAT(check_together(config).error(), HasSubstr("libcamera:ID"));
+}
+
 TEST(ConfigIo, SetSaysWhatIsWrong) {
   Config config;
   EXPECT_THAT(set_key(config, "frame.budget_us").error(), HasSubstr("key=value"));
