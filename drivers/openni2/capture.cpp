@@ -34,7 +34,36 @@ bool Capture::Channel::read(openni::VideoFrameRef& frame) noexcept {
   return stream.readFrame(&frame) == openni::STATUS_OK && frame.isValid();
 }
 
+void Capture::Arrivals::onNewFrame(openni::VideoStream& /*stream*/) {
+  const std::scoped_lock lock{bell.mutex};
+  last = MonotonicClock{}.now();
+  fresh = true;
+  bell.rung.notify_one();
+}
+
+// A camera's frames wake us by a bell of ours: OpenNI2's own wait allocates each time it looks.
+auto Capture::wait_live(bool depth_too, int timeout_ms) noexcept -> Got {
+  Channel* chosen = nullptr;
+  {
+    std::unique_lock lock{bell_.mutex};
+    const auto fresh = [&] {
+      return (depth_too && depth_.arrivals.fresh) || (gray_wanted_ && colour_.arrivals.fresh);
+    };
+    if (!bell_.rung.wait_for(lock, milliseconds{timeout_ms}, fresh)) return Got::kNothing;
+    chosen = depth_too && depth_.arrivals.fresh ? &depth_ : &colour_;
+    chosen->arrivals.fresh = false;
+  }
+  // Reading blocks when there is nothing: the frame may have been read with the one before.
+  int ready = 0;
+  openni::VideoStream* stream = &chosen->stream;
+  const auto status = openni::OpenNI::waitForAnyStream(&stream, 1, &ready, 0);
+  if (status == openni::STATUS_TIME_OUT) return Got::kNothing;
+  if (status != openni::STATUS_OK) return Got::kFailure;
+  return chosen == &depth_ ? Got::kDepth : Got::kColour;
+}
+
 auto Capture::wait(bool depth_too, int timeout_ms) noexcept -> Got {
+  if (!recording_) return wait_live(depth_too, timeout_ms);
   std::array<openni::VideoStream*, 2> streams{};
   int count = 0;
   if (depth_too) {
@@ -56,7 +85,10 @@ void Capture::take_depth() noexcept {
   openni::VideoFrameRef frame;
   if (!depth_.read(frame)) return;
   last_came_ = depth_came_ = Monotonic::now();
-  came_ = Instant{Duration{arrivals_.last.load(std::memory_order_acquire)}};
+  {
+    const std::scoped_lock lock{bell_.mutex};
+    came_ = depth_.arrivals.last;
+  }
   if (!recording_ && last_index_ && frame.getFrameIndex() > *last_index_ + 1) {
     const auto lost = static_cast<std::uint64_t>(frame.getFrameIndex() - *last_index_ - 1);
     counters_.dropped += lost;

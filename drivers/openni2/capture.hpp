@@ -4,9 +4,10 @@
 #include <OpenNI.h>
 
 #include <array>
-#include <atomic>
 #include <chrono>
+#include <condition_variable>
 #include <memory>
+#include <mutex>
 #include <string>
 #include <vector>
 
@@ -47,21 +48,31 @@ class Capture final : public DepthSource {
   using Setup = tl::expected<void, SourceError>;
   using Monotonic = std::chrono::steady_clock;
 
+  /// Woken by a camera's frames.
+  struct Bell {
+    std::mutex mutex;
+    std::condition_variable rung;
+  };
+  /// Called by the runtime, on its thread, for each frame of a camera's stream.
+  struct Arrivals final : openni::VideoStream::NewFrameListener {
+    explicit Arrivals(Bell& whose) : bell{whose} {}
+    void onNewFrame(openni::VideoStream& stream) override;
+
+    Bell& bell;  ///< its mutex guards what follows
+    bool fresh = false;
+    Instant last{};
+  };
   /// A stream, and the gate that keeps a recording's frames in step.
   struct Channel {
+    explicit Channel(Bell& bell) : arrivals{bell} {}
+
+    Arrivals arrivals;                 ///< of a camera; outlives the stream
     std::unique_ptr<DemandGate> gate;  ///< outlives the stream
     openni::VideoStream stream;
     bool demanded = false;
 
     void demand() noexcept;
     [[nodiscard]] bool read(openni::VideoFrameRef& frame) noexcept;
-  };
-  /// Notes when the runtime has a new depth frame, on its thread.
-  struct Arrivals final : openni::VideoStream::NewFrameListener {
-    void onNewFrame(openni::VideoStream& /*stream*/) override {
-      last.store(Monotonic::now().time_since_epoch().count(), std::memory_order_release);
-    }
-    std::atomic<Monotonic::rep> last{0};
   };
   struct GrayImage {
     std::vector<std::uint8_t> pixels;
@@ -78,6 +89,7 @@ class Capture final : public DepthSource {
   Setup start(Channel& channel);
 
   Got wait(bool depth_too, int timeout_ms) noexcept;
+  Got wait_live(bool depth_too, int timeout_ms) noexcept;
   void take_depth() noexcept;
   void take_colour() noexcept;
   [[nodiscard]] bool gray_settled() noexcept;
@@ -90,10 +102,10 @@ class Capture final : public DepthSource {
   const SourceOptions options_;
   DeviceEvents events_;
   openni::Device device_;
-  Channel depth_;
-  Channel colour_;
+  Bell bell_;
+  Channel depth_{bell_};
+  Channel colour_{bell_};
   openni::Recorder recorder_;
-  Arrivals arrivals_;
   Instant came_{};
   Layout layout_{};
   bool gray_wanted_ = false;

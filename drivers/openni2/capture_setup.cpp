@@ -29,7 +29,7 @@ Capture::~Capture() {
   }
   for (Channel* channel : {&colour_, &depth_}) {
     if (!channel->stream.isValid()) continue;
-    if (channel == &depth_) channel->stream.removeNewFrameListener(&arrivals_);
+    channel->stream.removeNewFrameListener(&channel->arrivals);
     channel->stream.stop();
     channel->stream.destroy();
   }
@@ -56,7 +56,6 @@ auto Capture::open(const std::string& record_to) -> Setup {
     if (auto set = open_recording(); !set) return set;
   }
   open_colour();
-  depth_.stream.addNewFrameListener(&arrivals_);
   if (!record_to.empty()) {
     if (auto recorded = start_recorder(record_to); !recorded) return recorded;
   }
@@ -190,6 +189,7 @@ auto Capture::start_recorder(const std::string& file) -> Setup {
 }
 
 auto Capture::start(Channel& channel) -> Setup {
+  if (!recording_) channel.stream.addNewFrameListener(&channel.arrivals);
   const openni::VideoMode mode = channel.stream.getVideoMode();
   const std::size_t bytes = mode.getPixelFormat() == openni::PIXEL_FORMAT_RGB888 ? 3 : 2;
   channel.gate = std::make_unique<DemandGate>(bytes * pixels_.size(),

@@ -85,6 +85,29 @@ class Equality(daemon.DaemonTest):
         self.assertEqual((said["frames"], said["dropped"]), (FRAMES, 0))
         self.same_as_simulated(self.mapletd("tum:" + self.file("recorded"), "again"))
 
+    def test_a_recording_keeps_to_its_budget(self):
+        for out, source in (("b.oni", "openni2:"), ("b", simulator(100000))):
+            said = json.loads(self.run_all(
+                daemon.BIN / "mapletctl", "record", "--source", source, "--out", self.file(out),
+                "--max-mb", 2, "--json", *CAMERA, environment=self.synth()))
+            self.assertEqual(said["ended"], "the budget of 2 MB")
+            self.assertGreater(said["frames"], 3)
+            self.assertLessEqual(said["bytes"], 2e6)
+
+    def test_what_cannot_be_recorded(self):
+        Path(self.file("there.oni")).write_text("x")
+        for out, source, code, why in (
+                (self.file("there.oni"), "openni2:", 1, "is there already"),
+                (self.file("new.oni"), "sim:room", 2, "only OpenNI2's cameras"),
+                (self.file("new.oni"), "openni2:" + self.file("there.oni"), 2, "is a recording"),
+                (self.file("new.oni"), "openni2:no-such-camera", 1, "no OpenNI2 device found"),
+                ("/proc/new", "sim:room", 1, "/proc/new")):
+            done = subprocess.run([str(daemon.BIN / "mapletctl"), "record", "--source", source,
+                                   "--out", out], capture_output=True, text=True,
+                                  env=dict(os.environ, **self.synth()), timeout=60)
+            self.assertEqual(done.returncode, code, done.stderr)
+            self.assertIn(why, done.stderr)
+
     def test_live(self):
         for attempt in range(3):  # a machine under load may miss a frame
             out = f"live{attempt}"
