@@ -55,6 +55,8 @@ SourceOptions source_options(const Config& config) {
   options.registered_to_colour = c.registered_to_colour;
   options.gray = config.input.gray == "auto" && !config.gray.used();
   options.noise = noise_model(c);
+  options.noise_given =
+      c.disparity_k > 0.0 || c.tof_floor_m > 0.0 || c.tof_slope > 0.0 || c.correlated_px > 0.0;
   return options;
 }
 

@@ -38,6 +38,7 @@ OpenedSource open_simulator(const Uri& uri, const SourceOptions& options) {
   if (!options.gray) parameters.insert_or_assign("gray", std::string{"0"});
   auto source = open_sim(uri.path, parameters);
   if (!source) return source_error(Kind::kUsage, source.error());
+  if (options.noise_given) (*source)->say_noise(options.noise);
   return std::move(*source);
 }
 

@@ -27,6 +27,7 @@ struct SourceOptions {
   bool registered_to_colour = false;  ///< goes with `camera`: gray has the viewpoint of depth
   bool gray = true;                   ///< deliver gray where it is registered to depth
   NoiseModel noise;                   ///< travels with every frame
+  bool noise_given = false;           ///< it is said, not a typical one: a simulator takes it too
 };
 
 /// Why a source did not open.

@@ -57,7 +57,7 @@ Expected<DepthFrame> SimSource::next(Deadline) noexcept {
   frame.depth = {depth_mm_.data(), camera_.width_px, camera_.height_px, camera_.width_px};
   frame.metres_per_unit = 0.001;
   frame.camera = camera_;
-  frame.noise = sensor_.noise_model();
+  frame.noise = noise_.value_or(sensor_.noise_model());
   if (options_.gray) {
     painter_.paint(raster_, T_world_camera_.se3, index, gray_.data());
     frame.gray = {gray_.data(), camera_.width_px, camera_.height_px, camera_.width_px};

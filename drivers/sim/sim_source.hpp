@@ -3,6 +3,7 @@
 
 #include <map>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -39,6 +40,9 @@ class SimSource final : public DepthSource {
   /// The next call of next() makes frame `index`.
   void seek(std::uint64_t index) noexcept { next_ = index; }
 
+  /// What frames say of their noise, whatever it is.
+  void say_noise(const NoiseModel& noise) noexcept { noise_ = noise; }
+
   // The truth. What speaks of "the frame" means the last one that next() made.
 
   /// The camera's pose in the world's frame (z up, floor at 0).
@@ -72,6 +76,7 @@ class SimSource final : public DepthSource {
   std::uint64_t frames_;
   std::uint64_t next_ = 0;
   SourceCounters counters_;
+  std::optional<NoiseModel> noise_;
   Transform<WorldFrame, CameraFrame> T_world_camera_;
   std::vector<std::uint16_t> depth_mm_;
   std::vector<std::uint16_t> labels_;

@@ -2,7 +2,8 @@
 # Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 """The same simulated frames by four ways: from the simulator, from a folder in TUM layout, through
 the real OpenNI2 runtime live, and through a recording that OpenNI2 itself made of them. Whole
-millimetres, intrinsics from one configuration, stamps in whole microseconds, no gray: the same poses,
+millimetres, intrinsics and noise from one configuration, stamps in whole microseconds, no gray: the
+same poses,
 bit for bit."""
 import json
 import os
@@ -26,8 +27,8 @@ def simulator(frames):
 
 
 CAMERA = []
-for key, value in {"width_px": 320, "height_px": 240, "fx_px": 285, "fy_px": 285, "cx_px": 159.5,
-                   "cy_px": 119.5}.items():
+for key, value in {"width_px": 320, "height_px": 240, "fx_px": 285.171, "fy_px": 285.171, "cx_px": 159.5,
+                   "cy_px": 119.5, "disparity_k": 0.001425}.items():
     CAMERA += ["--set", f"camera.{key}={value}"]
 # OpenNI2's own encoder spoils the end of the last row now and then (docs/hardware.md): rows that
 # decimation takes do not reach it.
