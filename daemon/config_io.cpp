@@ -119,6 +119,14 @@ tl::expected<void, ConfigError> check_together(const Config& config) {
         "camera: width_px, height_px, fx_px and fy_px go together: give all four, or none"};
   }
   if (const auto gray = gray_options(config.gray); !gray) return tl::unexpected{gray.error()};
+  const LimitsConfig& limits = config.agent.limits;
+  if (config.gray.used() && (config.gray.width_px > limits.image_width_px ||
+                             config.gray.height_px > limits.image_height_px)) {
+    return tl::unexpected{fmt::format(
+        "gray_camera: {}x{} is larger than limits.image_width_px = {}, image_height_px = {}",
+        config.gray.width_px, config.gray.height_px, limits.image_width_px,
+        limits.image_height_px)};
+  }
   return {};
 }
 

@@ -47,6 +47,7 @@ class PairedSource final : public DepthSource {
   [[nodiscard]] Expected<DepthFrame> next(Deadline deadline) noexcept override;
   [[nodiscard]] SourceCounters counters() const noexcept override { return depth_->counters(); }
   [[nodiscard]] std::string_view detail() const noexcept override { return depth_->detail(); }
+  [[nodiscard]] std::optional<ImageSize> size() const noexcept override { return depth_->size(); }
   [[nodiscard]] std::optional<Instant> came() const noexcept override { return depth_->came(); }
   [[nodiscard]] std::optional<std::uint64_t> length() const noexcept override {
     return depth_->length();
