@@ -18,7 +18,8 @@ void App::publish_status(StatusRecord::State state) {
   const StageTime latency{us(0.5), us(0.99), static_cast<std::uint32_t>(latency_.max() / 1us), 0};
   const std::uint64_t held = radio_ ? radio_->records_digest() : 0;  // before settled is asked
   board_.note({record, latency, agent_->settled() && (!radio_ || radio_->settled()),
-               agent_->skeleton().records_digest(), held, agent_->range_counters()});
+               agent_->skeleton().records_digest(), held, agent_->range_counters(),
+               agent_->map_frame()});
   if (publisher_) (void)publisher_->publish(record);
 }
 

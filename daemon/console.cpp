@@ -51,6 +51,12 @@ void Console::answer(Agent& agent, Deadline deadline) noexcept {
     case Question::kDecide:
       decide_closure(agent, deadline);
       break;
+    case Question::kWay:
+      find_way(agent);
+      break;
+    case Question::kOverlay:
+      lay_part_over(agent);
+      break;
   }
   answered_ = true;
   answered_cv_.notify_one();

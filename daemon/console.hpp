@@ -7,6 +7,7 @@
 #include <memory>
 #include <mutex>
 #include <nlohmann/json_fwd.hpp>
+#include <optional>
 #include <string>
 
 #include "core/agent/agent.hpp"
@@ -55,7 +56,7 @@ class Console {
  private:
   static constexpr std::size_t kMaxClosures = 1024;
   static constexpr std::size_t kMaxMaplets = 4096;
-  enum class Question : std::uint8_t { kClosures, kWhy, kAdd, kMaplets, kDecide };
+  enum class Question : std::uint8_t { kClosures, kWhy, kAdd, kMaplets, kDecide, kWay, kOverlay };
   struct MapletLine {
     Skeleton::NodeView node;
     std::uint32_t bytes = 0;  ///< of one of ours; 0 = gone, or another's
@@ -75,6 +76,18 @@ class Console {
     Se3 T_a_b;
   };
 
+  /// A maplet by its agent and number, or an agent's newest.
+  struct PlaceName {
+    std::uint16_t agent = 0;
+    std::optional<std::uint32_t> id;
+  };
+  struct PlaneLine {
+    MapletKey maplet;
+    Plane plane;  ///< in the map
+    Eigen::Vector3d centre;
+    double area_m2 = 0.0;
+  };
+
   // console.cpp: the estimator's side
   void answer(Agent& agent, Deadline deadline) noexcept;
   void list_closures(const Agent& agent) noexcept;
@@ -85,6 +98,13 @@ class Console {
   [[nodiscard]] bool find_named(const Skeleton& skeleton, MapletKey& a,
                                 MapletKey& b) const noexcept;
   void look_into(const Agent& agent) noexcept;
+  // console_ways.cpp: both sides
+  [[nodiscard]] bool find_place(const Skeleton& skeleton, const PlaceName& name,
+                                MapletKey& key) const noexcept;
+  void find_way(Agent& agent) noexcept;
+  void lay_part_over(Agent& agent) noexcept;
+  [[nodiscard]] std::string way_text(const std::string& line);
+  [[nodiscard]] std::string overlay_text(const std::string& line);
   /// Asks the estimator. @return false when it did not answer in time
   bool ask(Question question, int agent);
 
@@ -124,6 +144,20 @@ class Console {
   bool accept_ = false;
   int decided_ = 0;  ///< closures between the two
   enum class AddedClosure : std::uint8_t { kAdded, kRefused, kUnknownMaplet } added_{};
+
+  static constexpr std::size_t kMaxPlanes = 2048;
+  static constexpr int kMapletsAtOnce = 32;  ///< of an overlay, between two frames
+  PlaceName from_;
+  PlaceName to_;
+  bool places_known_ = false;
+  Skeleton::Way way_;
+  std::array<MapletKey, kMaxMaplets> way_maplets_;
+  double fidelity_ = 1.0;
+  int first_node_ = 0;
+  int next_node_ = -1;  ///< -1: that was all
+  Overlay overlay_;
+  std::size_t plane_count_ = 0;
+  std::array<PlaneLine, kMaxPlanes> planes_;
 
   std::unique_ptr<ControlServer> server_;
 };

@@ -51,6 +51,8 @@ std::string Console::reply(const std::string& line) {
   if (command == "maplets") return maplets_text();
   if (command == "add") return add_text(line);
   if (command == "decide") return decide_text(line);
+  if (command == "way") return way_text(line);
+  if (command == "overlay") return overlay_text(line);
   if (command == "set") {
     return set_text(question.value("key", std::string{}), question.value("value", std::string{}));
   }

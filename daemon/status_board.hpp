@@ -4,6 +4,7 @@
 #include <mutex>
 #include <utility>
 
+#include "core/agent/map_frame.hpp"
 #include "core/agent/range_keeper.hpp"
 #include "transport/exchange/status_record.hpp"
 
@@ -22,6 +23,7 @@ class StatusBoard {
     std::uint64_t skeleton_digest = 0;  ///< of the records in it
     std::uint64_t records_digest = 0;   ///< of those held then
     RangeCounters ranges;
+    MapFrame::Notice frame;
   };
 
   void note(const Notice& notice) noexcept {

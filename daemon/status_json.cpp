@@ -83,6 +83,16 @@ Json memory_json(const MemoryStatus& memory) {
   return json;
 }
 
+/// What a planner adds to odometry. When `jumps` has grown, it looks its goals up again.
+Json navigation_json(const MapFrame::Notice& frame) {
+  const Eigen::Vector3d& t = frame.T_map_odom.t;
+  const Eigen::Quaterniond& q = frame.T_map_odom.q;
+  return {{"map", {{"agent", frame.map.agent}, {"epoch", frame.map.epoch}, {"id", frame.map.id}}},
+          {"T_map_odom", {t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w()}},
+          {"jumps", frame.jumps},
+          {"other_maps", frame.other_map}};
+}
+
 }  // namespace
 
 nlohmann::ordered_json gpio_json(const GpioStatus& status) {
@@ -165,6 +175,7 @@ nlohmann::ordered_json status_json(const StatusBoard::Notice& notice, const Memo
                       {"settled", notice.settled && notice.records_digest == held},
                       {"records_digest", hex(held)},
                       {"digest", hex(notice.skeleton_digest)}};
+  json["navigation"] = navigation_json(notice.frame);
   json["peers"] = Json::array();
   if (radio) {
     json["exchange"] = exchange_json(*radio);

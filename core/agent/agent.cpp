@@ -74,6 +74,7 @@ Step Agent::step(const DepthFrame& full_frame, Deadline deadline) noexcept {
   if (!skeleton_.settled())
     timed(Stage::kSkeleton, budget_.skeleton, deadline,
           [&](Deadline until) { return skeleton_.update(until); });
+  map_frame_.update(skeleton_, step.track.T_odom_camera.se3);
   const bool origin =
       origin_asked_ && step.track.state == Track::State::kTracking && frame.stamp >= *origin_asked_;
   if (!step.track.keyframe_due && !origin) return step;
@@ -199,6 +200,7 @@ void Agent::take(const MapletCut& closed, Deadline deadline) noexcept {
         });
     record_and_add(link, deadline);
   }
+  map_frame_.hang_from(key, closed.T_odom_origin);
   close_loops(closed.maplet, deadline);
   encounters_.add_own(closed.maplet);
   *previous_ = closed.maplet;

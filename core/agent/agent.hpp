@@ -6,6 +6,8 @@
 
 #include "core/agent/agent_config.hpp"
 #include "core/agent/encounters.hpp"
+#include "core/agent/held_maplets.hpp"
+#include "core/agent/map_frame.hpp"
 #include "core/agent/maplet_store.hpp"
 #include "core/agent/maplet_views.hpp"
 #include "core/agent/range_keeper.hpp"
@@ -110,6 +112,17 @@ class Agent {
   /// ours first. @return how many
   std::size_t expected_near(std::span<MapletKey> out) const noexcept;
   [[nodiscard]] const Encounters& encounters() const noexcept { return encounters_; }
+  /// Where odometry's frame stands in the map.
+  [[nodiscard]] MapFrame::Notice map_frame() const noexcept { return map_frame_.notice(); }
+  /// The shortest way along the skeleton: Skeleton::way().
+  [[nodiscard]] Skeleton::Way way(const MapletKey& from, const MapletKey& to,
+                                  std::span<MapletKey> maplets) noexcept {
+    return skeleton_.way(from, to, maplets);
+  }
+  /// The maplets held here, for an overlay between two steps.
+  [[nodiscard]] HeldMaplets held_maplets() noexcept {
+    return {store_, encounters_.foreign(), *older_};
+  }
 
   [[nodiscard]] const AgentIdentity& identity() const noexcept { return identity_; }
   [[nodiscard]] const Skeleton& skeleton() const noexcept { return skeleton_; }
@@ -149,6 +162,7 @@ class Agent {
   MapletStore store_;
   MapletViews views_;
   Encounters encounters_;
+  MapFrame map_frame_;
   bool planar_wanted_;
   Vector3OrAuto up_;
   std::optional<PlanarMotion> planar_;  ///< once up is known

@@ -66,6 +66,7 @@ class Encounters {
   [[nodiscard]] std::span<const EncounterCounts> counts() const noexcept {
     return {counts_.data(), counts_.size()};
   }
+  [[nodiscard]] const MapletStore& foreign() const noexcept { return foreign_; }
   [[nodiscard]] std::uint64_t foreign_maplets() const noexcept { return foreign_.count(); }
 
  private:

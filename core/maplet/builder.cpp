@@ -243,6 +243,7 @@ const MapletCut* MapletBuilder::cut(CutReason reason) noexcept {
   cut_->reason = reason;
   cut_->points = map_.points();
   cut_->origin_valid_pixels = members_.front().valid_pixels;
+  cut_->T_odom_origin = members_.front().T_odom_camera;
   ++key_.id;
   return cut_.get();
 }

@@ -37,6 +37,7 @@ struct MapletCut {
   CutReason reason = CutReason::kNone;
   PointShare points;                      ///< of its keyframes
   std::uint32_t origin_valid_pixels = 0;  ///< of the frame at the origin: the points it replaces
+  Se3 T_odom_origin;                      ///< where odometry had it
 };
 
 /// Fuses keyframes into maplets and decides where one ends and the next begins.

@@ -20,9 +20,12 @@ struct RegistrationConfig {
   double search_m = 4.0;
   int accept_matches = 5;
   double accept_overlap = 0.2;
+  double accept_overlap_alone = 0.3;
   double accept_chi2_per_dof = 2.0;
   double accept_conflict = 0.08;
   double accept_detail = 2.0;
+  double accept_sigma_m = 0.1;
+  double accept_sigma_rad = 0.03;
   double reject_chi2_per_dof = 6.0;
   double reject_conflict = 0.3;
 
@@ -52,12 +55,18 @@ struct RegistrationConfig {
        "A closure needs this many pairs of planes"},
       {"accept_overlap", &RegistrationConfig::accept_overlap, 0.0, 1.0,
        "A closure needs this share of the smaller maplet's area on pairs"},
+      {"accept_overlap_alone", &RegistrationConfig::accept_overlap_alone, 0.0, 1.0,
+       "The same without a guess: origins far from what both saw are known badly"},
       {"accept_chi2_per_dof", &RegistrationConfig::accept_chi2_per_dof, 0.1, 100.0,
        "A closure's planes must fit at least this well"},
       {"accept_conflict", &RegistrationConfig::accept_conflict, 0.0, 1.0,
        "Share of the planes looked for that one maplet may have looked through in a closure"},
       {"accept_detail", &RegistrationConfig::accept_detail, 0.0, 100.0,
        "Without a guess, planes below 1 m2 must agree too: sum of the roots of their areas, m"},
+      {"accept_sigma_m", &RegistrationConfig::accept_sigma_m, 0.001, 10.0,
+       "Without a guess, the position must be known as well: standard deviation in all, m"},
+      {"accept_sigma_rad", &RegistrationConfig::accept_sigma_rad, 0.001, 3.0,
+       "The same of the rotation"},
       {"reject_chi2_per_dof", &RegistrationConfig::reject_chi2_per_dof, 0.1, 1000.0,
        "Planes that fit worse show two places"},
       {"reject_conflict", &RegistrationConfig::reject_conflict, 0.0, 1.0,

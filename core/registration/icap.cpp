@@ -7,12 +7,12 @@
 #include <cmath>
 
 #include "core/registration/observability.hpp"
+#include "core/registration/pair_sums.hpp"
 
 namespace maplet {
 
 namespace {
 
-constexpr double kNu = 5.0;
 constexpr double kPriorDof = 4.0;
 constexpr double kCommonShare = 0.1;  // of the planes' variances that they have in common
 constexpr double kConverged_m = 2e-4;
@@ -28,29 +28,10 @@ constexpr double kGateShrink = 0.6;
 constexpr double kLeastGate_m = 0.08;
 constexpr double kLeastGate_rad = 0.08;
 
-// eq. 5: where b's plane lies about a's, under T.
-Eigen::Vector3d residual(const PlanePair& pair, const Se3& T) noexcept {
-  return pair.tangent.of(T * pair.b->plane->plane);
-}
-
 // Whether pairs that were found at x are those that would be found at y.
 bool close(const Se3& x, const Se3& y) noexcept {
   return (x.t - y.t).norm() < kSamePairs_m && x.q.angularDistance(y.q) < kSamePairs_rad;
 }
-
-// eq. 6: its derivative by xi in T exp(xi).
-Eigen::Matrix<double, 3, 6> jacobian(const PlanePair& pair, const Se3& T) noexcept {
-  PlaneTangent at_b = pair.tangent.moved(T.inverse());
-  at_b.n = pair.b->plane->plane.n;
-  Eigen::Matrix<double, 3, 6> j = Eigen::Matrix<double, 3, 6>::Zero();
-  j.block<1, 3>(0, 3) = at_b.n.cross(at_b.u).transpose();
-  j.block<1, 3>(1, 3) = at_b.n.cross(at_b.v).transpose();
-  j.block<1, 3>(2, 0) = -at_b.n.transpose();
-  j.block<1, 3>(2, 3) = at_b.n.cross(at_b.centre).transpose();
-  return j;
-}
-
-double robust_weight(double chi2) noexcept { return std::min(1.0, (kNu + 3.0) / (kNu + chi2)); }
 
 // What the planes of one maplet are off by together, because they share its path: no number of
 // them averages it away. eq. 11b
@@ -84,48 +65,6 @@ void add_common(const Common& common, const Eigen::Vector3d& pivot, MapletAlignm
   out.covariance += at_b;
   const Matrix6d sum = at_b.inverse() + out.information;
   out.information -= out.information * sum.inverse() * out.information;
-}
-
-struct Sums {
-  Matrix6d information = Matrix6d::Zero();
-  Matrix6d spurious = Matrix6d::Zero();
-  Vector6d gradient = Vector6d::Zero();
-  Eigen::Vector3d pivot = Eigen::Vector3d::Zero();  // b's frame
-  double chi2 = 0.0;
-  double squares_m2 = 0.0;
-};
-
-Sums accumulate(std::span<const PlanePair> pairs, const Se3& T) noexcept {
-  Sums sums;
-  const Se3 T_inverse = T.inverse();
-  for (const PlanePair& pair : pairs) {
-    const Eigen::Vector3d r = residual(pair, T);
-    const Eigen::Matrix<double, 3, 6> j = jacobian(pair, T);
-    const double chi2 = r.dot(pair.weight * r);
-    const Eigen::Matrix3d w = robust_weight(chi2) * pair.weight;
-    sums.information += j.transpose() * w * j;
-    sums.gradient += j.transpose() * (w * r);
-    sums.chi2 += robust_weight(chi2) * chi2;
-    sums.squares_m2 += r[2] * r[2];
-    sums.pivot += T_inverse * pair.tangent.centre;
-    // eq. 9: an offset that is measured along a wrong normal.
-    const Eigen::Vector3d u = T_inverse.q * pair.tangent.u;
-    const Eigen::Vector3d v = T_inverse.q * pair.tangent.v;
-    const double uneven = pair.uneven_rad * pair.uneven_rad;
-    const Eigen::Matrix3d& cb = pair.b->plane->covariance;
-    sums.spurious.topLeftCorner<3, 3>() += w(2, 2) * ((cb(0, 0) + uneven) * u * u.transpose() +
-                                                      (cb(1, 1) + uneven) * v * v.transpose());
-  }
-  sums.pivot /= std::max<double>(1.0, static_cast<double>(pairs.size()));
-  return sums;
-}
-
-// What is out of the plane of motion is known, eq. 22.
-void restrict_to(const PlanarMotion& planar, Sums& sums) noexcept {
-  const Matrix6d inside = planar.basis() * planar.basis().transpose();
-  sums.information = planar.restrict_information(sums.information);
-  sums.spurious = inside * sums.spurious * inside;
-  sums.gradient = inside * sums.gradient;
 }
 
 }  // namespace
@@ -258,8 +197,8 @@ bool Icap::improve(Se3& T, const Se3& guess, bool closed_form) noexcept {
   const Se3 before = T;
   if (closed_form) solve_closed_form(T, guess);
   if (planar_) T = planar_->project(T);
-  Sums sums = accumulate(pairs_.pairs(), T);
-  if (planar_) restrict_to(*planar_, sums);
+  PairSums sums = PairSums::of(pairs_.pairs(), T);
+  if (planar_) sums.restrict_to(*planar_);
   const Observability seen =
       Observability::of(sums.information, sums.spurious, sums.pivot, config_.free_sigma_m);
   T = T * Se3::exp(-seen.step_inverse * sums.gradient);
@@ -270,8 +209,8 @@ bool Icap::improve(Se3& T, const Se3& guess, bool closed_form) noexcept {
 
 void Icap::conclude(const Maplet&, const Maplet&, const Se3& T, MapletAlignment& out) noexcept {
   const auto pairs = pairs_.pairs();
-  Sums sums = accumulate(pairs, T);
-  if (planar_) restrict_to(*planar_, sums);
+  PairSums sums = PairSums::of(pairs, T);
+  if (planar_) sums.restrict_to(*planar_);
   const Observability seen =
       Observability::of(sums.information, sums.spurious, sums.pivot, config_.free_sigma_m);
   const double known = (planar_ ? 3.0 : 6.0) - static_cast<double>(seen.free_axes.size());
@@ -293,6 +232,17 @@ void Icap::conclude(const Maplet&, const Maplet&, const Se3& T, MapletAlignment&
   out.worth = pairs_.worth();
   out.overlap =
       std::min(1.0, shared / std::max(1e-6, std::min(pairs_.area_a_m2(), pairs_.area_b_m2())));
+}
+
+double Icap::doubt(MapletAlignment& alignment) const noexcept {
+  Matrix6d moved = leave_one_out(pairs_.pairs(), alignment.T_a_b.se3, config_.free_sigma_m);
+  if (planar_) {
+    const Matrix6d inside = planar_->basis() * planar_->basis().transpose();
+    moved = inside * moved * inside;
+  }
+  const double before = alignment.covariance.topLeftCorner<3, 3>().trace();
+  alignment.covariance += moved;
+  return std::sqrt(alignment.covariance.topLeftCorner<3, 3>().trace() / std::max(1e-12, before));
 }
 
 }  // namespace maplet

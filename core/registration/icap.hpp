@@ -20,7 +20,7 @@ namespace maplet {
 struct MapletAlignment {
   Transform<MapletA, MapletB> T_a_b;
   Matrix6d covariance = Matrix6d::Zero();   ///< m^2, rad^2; tangent of b; wide along free axes
-  Matrix6d information = Matrix6d::Zero();  ///< its inverse, zero along free axes
+  Matrix6d information = Matrix6d::Zero();  ///< its inverse without doubt(), zero along free axes
   /// Unit tangents (b; rad scaled by 1 m) that the planes leave free: T_a_b keeps the guess there.
   FixedList<Vector6d, 6> free_axes;
   std::uint16_t matches = 0;
@@ -67,6 +67,11 @@ class Icap {
 
   /// Both cameras move in one plane only, up being the same in both: three unknowns are left.
   void hold_to(const PlanarMotion& planar) noexcept { planar_ = planar; }
+
+  /// Adds to the covariance what single pairs of the last align move, eq. 11c: for whoever is about
+  /// to believe it.
+  /// @return how many times less sure of the position it is then; 1: single pairs move nothing
+  double doubt(MapletAlignment& alignment) const noexcept;
 
   /// The pairs of the last align.
   [[nodiscard]] std::span<const PlanePair> pairs() const noexcept { return pairs_.pairs(); }

@@ -181,6 +181,7 @@ void PlaceCompare::try_shifts(const Turn& turn, Guesses& out) noexcept {
       }
     }
   }
+  try_middles(turn.R, rows, peaks, out);
 }
 
 PlaceCompare::Guesses PlaceCompare::guess(const PlaceDescriptor& a,

@@ -79,6 +79,11 @@ class PlaceCompare {
   void find_turns(const PlaceDescriptor& a, const PlaceDescriptor& b, bool want_peaks) noexcept;
   void add_turn(const Eigen::Matrix3f& R, bool want_peaks) noexcept;
   void try_shifts(const Turn& turn, Guesses& out) noexcept;
+  void try_middles(const Eigen::Matrix3f& R, const Eigen::Matrix3f& rows,
+                   const StaticVector<Peak, kPeaks>* const peaks[3], Guesses& out) noexcept;
+  [[nodiscard]] StaticVector<Peak, kPeaks> middles(const Eigen::Vector3f& axis,
+                                                   const Eigen::Vector3f& shift,
+                                                   const Eigen::Vector3f& t) noexcept;
   [[nodiscard]] bool turn_near(const Eigen::Matrix3f& R_guess, float gate_rad, Turn& out) noexcept;
   void keep(const Eigen::Matrix3f& R, const Eigen::Vector3f& t, Guesses& out) const noexcept;
   void turn_planes(const Eigen::Matrix3f& R) noexcept;

@@ -17,6 +17,7 @@ constexpr double kDrift = 0.04;  // m per m of path
 constexpr double kDrift_rad_per_m = 0.01;
 constexpr double kNearlyAsGood = 0.7;    // of the better one's support
 constexpr double kPlausible = 0.15;      // contradiction up to which a rival counts
+constexpr double kMostDoubt = 1.8;       // times less sure when single pairs are left out
 constexpr double kVouched = 0.5;         // times the tolerance above: surely the same
 constexpr double kElsewhere = 2.0;       // times the tolerance above: surely another place
 constexpr double kSupportReach_m = 8.0;  // further away paths may have drifted apart
@@ -62,6 +63,7 @@ Stop PlaceVerifier::add(const Maplet& a, const Maplet& b, const PlaceCompare::Gu
     h.stamp_a = a.stamp;
     h.stamp_b = b.stamp;
     h.alignment = *found;
+    h.doubt = icap_->doubt(h.alignment);
     h.evidence = weigh_evidence(a, b, found->T_a_b.se3);
     h.value = h.evidence.agreed - kContradictionCosts * h.evidence.contradicted;
     if (mine.size() < kPerPair) {
@@ -76,6 +78,18 @@ Stop PlaceVerifier::add(const Maplet& a, const Maplet& b, const PlaceCompare::Gu
   for (PlaceHypothesis& h : hypotheses_.subspan(first, count_ - first)) {
     h.alone = judge_alignment(h.alignment, h.evidence, Prior::kNone, config_);
     h.guessed = judge_alignment(h.alignment, h.evidence, Prior::kGuess, config_);
+    if (h.guessed.verdict == Verdict::kAccept && !known_closely(h.alignment, config_)) {
+      h.guessed = kNotClosely;
+    }
+    if (h.guessed.verdict == Verdict::kAccept &&
+        h.alignment.overlap < config_.accept_overlap_alone) {
+      h.guessed = {Verdict::kUndecided, "too little overlap"};
+    }
+    if (h.doubt > kMostDoubt) {
+      for (Judgement* j : {&h.alone, &h.guessed}) {
+        if (j->verdict == Verdict::kAccept) *j = {Verdict::kUndecided, "it rests on single planes"};
+      }
+    }
     if (!in_time) h.alone = h.guessed = {Verdict::kUndecided, "no time left"};
     h.judgement = h.alone;
   }

@@ -30,6 +30,7 @@ struct PlaceHypothesis {
   Stamp stamp_a{}, stamp_b{};
   MapletAlignment alignment;
   Evidence evidence;
+  double doubt = 1.0;    ///< Icap::doubt()
   double value = 0.0;    ///< of the evidence, contradictions held against it
   double support = 0.0;  ///< value, and that of other pairs that say the same
   Judgement alone;       ///< without a look at the others

@@ -29,6 +29,11 @@ bool differ(const MapletAlignment& x, const Se3& y) noexcept {
 
 }  // namespace
 
+bool known_closely(const MapletAlignment& found, const RegistrationConfig& config) noexcept {
+  return std::sqrt(found.covariance.topLeftCorner<3, 3>().trace()) <= config.accept_sigma_m &&
+         std::sqrt(found.covariance.bottomRightCorner<3, 3>().trace()) <= config.accept_sigma_rad;
+}
+
 Judgement judge_alignment(const MapletAlignment& found, const Evidence& evidence, Prior prior,
                           const RegistrationConfig& config) noexcept {
   if (found.chi2_per_dof > config.reject_chi2_per_dof) {
@@ -39,7 +44,8 @@ Judgement judge_alignment(const MapletAlignment& found, const Evidence& evidence
   }
   if (found.stop == Stop::kDeadline) return {Verdict::kUndecided, "no time left"};
   if (found.matches < config.accept_matches) return {Verdict::kUndecided, "too few planes"};
-  if (found.overlap < config.accept_overlap) return {Verdict::kUndecided, "too little overlap"};
+  const double least = prior == Prior::kNone ? config.accept_overlap_alone : config.accept_overlap;
+  if (found.overlap < least) return {Verdict::kUndecided, "too little overlap"};
   const double strict = prior == Prior::kNone ? kStrict : 1.0;
   if (found.chi2_per_dof > strict * config.accept_chi2_per_dof) {
     return {Verdict::kUndecided, "the planes fit badly"};
@@ -50,6 +56,7 @@ Judgement judge_alignment(const MapletAlignment& found, const Evidence& evidence
   if (found.free_axes.size() > (prior == Prior::kPath ? 1U : 0U)) {
     return {Verdict::kUndecided, "the planes leave an axis free"};
   }
+  if (prior == Prior::kNone && !known_closely(found, config)) return kNotClosely;
   if (prior == Prior::kNone && evidence.small_agreed < config.accept_detail) {
     return {Verdict::kUndecided, "walls and floor agree, too little else"};
   }

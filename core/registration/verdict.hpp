@@ -45,6 +45,13 @@ enum class Prior : std::uint8_t {
   kPath,   ///< a path that fixes one axis which the planes may leave free (a corridor)
 };
 
+inline constexpr Judgement kNotClosely{Verdict::kUndecided,
+                                       "the planes agree, but not on one place closely"};
+
+/// Whether its covariance is within what a closure without a prior may have.
+[[nodiscard]] bool known_closely(const MapletAlignment& alignment,
+                                 const RegistrationConfig& config) noexcept;
+
 /// What an alignment and its evidence are worth by themselves; rivals are for others to look for.
 [[nodiscard]] Judgement judge_alignment(const MapletAlignment& alignment, const Evidence& evidence,
                                         Prior prior, const RegistrationConfig& config) noexcept;

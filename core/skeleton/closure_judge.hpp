@@ -5,7 +5,9 @@
 #include <span>
 
 #include "core/base/arena.hpp"
+#include "core/base/static_vector.hpp"
 #include "core/skeleton/marginals.hpp"
+#include "core/skeleton/odometry_chains.hpp"
 #include "core/skeleton/pose_graph.hpp"
 
 namespace maplet {
@@ -47,7 +49,10 @@ class ClosureJudge {
   using Tangent = typename Space::Tangent;
   using Block = typename Space::Block;
 
-  ClosureJudge(PoseGraph<Space> &graph, Arena &arena, const JudgePolicy &policy = {});
+  /// @param chains  the agents' odometry, or nullptr: closures next to each other then bear each
+  ///   other out by the graph alone
+  ClosureJudge(PoseGraph<Space> &graph, Arena &arena, const JudgePolicy &policy = {},
+               const OdometryChains<Space> *chains = nullptr);
 
   /// A closure that has been added with weight 0: decides now. @pre the graph
   /// is flushed
@@ -77,6 +82,11 @@ class ClosureJudge {
   [[nodiscard]] Marginals<Space> &marginals() noexcept { return marginals_; }
 
  private:
+  /// Chi-square, 99 %, three and six degrees of freedom.
+  static constexpr double kGate = Space::kDim == 6 ? 16.812 : 11.345;
+  /// A test is sharp when a closure between two random places passes it more seldom than this.
+  static constexpr double kSharp = 1e-4;
+
   struct Innovation {
     Tangent e;
     Block covariance;
@@ -84,7 +94,10 @@ class ClosureJudge {
 
   [[nodiscard]] bool measure(int factor, int slot, Innovation &out) noexcept;
   [[nodiscard]] double chance(const Block &covariance) const noexcept;
+  [[nodiscard]] double scale() const noexcept;
+  void turn(int factor, ClosureState to) noexcept;
   [[nodiscard]] bool corroborated(int factor, const Innovation &own) noexcept;
+  [[nodiscard]] bool borne_out(int factor) noexcept;
   [[nodiscard]] bool same_places(int factor, int other) const noexcept;
   [[nodiscard]] double cycle(int factor, int other) noexcept;
   void join_if_paired(int factor) noexcept;
@@ -95,14 +108,18 @@ class ClosureJudge {
 
   PoseGraph<Space> &graph_;
   JudgePolicy policy_;
-  double gate_;  ///< chi-square, inflated
+  double gate_;  ///< chi-square, inflated; times scale()
   Marginals<Space> marginals_;
+  const OdometryChains<Space> *chains_;
   std::span<ClosureState> state_;
   std::span<int> closures_;  ///< in order of arrival
   int closure_count_ = 0;
+  int accepted_ = 0;
+  double doubt_ = 1.0;  ///< chance() of the closure considered last
   int cursor_ = 0;
   double extent_ = 1.0;  ///< of the map, m
   int extent_nodes_ = 0;
+  StaticVector<int, 32> agreeing_;  ///< with the closure that was asked about last
 };
 
 extern template class ClosureJudge<PlanarSpace>;

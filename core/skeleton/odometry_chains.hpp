@@ -1,6 +1,7 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstdlib>
 #include <span>
 
 #include "core/base/arena.hpp"
@@ -30,19 +31,40 @@ class OdometryChains {
   /// led to stays where it was.
   void append(int a, int b, const Relation<Space>& a_b) noexcept {
     Link& from = links_[a];
-    if (from.chain < 0) from = {a, Pose{}, Block::Zero()};
+    if (from.chain < 0) from = {a, 0, kNone, kNone, Pose{}, Block::Zero()};
     if (links_[b].chain >= 0) return;
     const Pose at = Space::compose(from.T_start, a_b.T);
     const Block ad = adjoint_of_inverse<Space>(Space::between(at, Pose{}));  // Ad(T_start_b)
-    links_[b] = {from.chain, at, from.spread + ad * a_b.covariance * ad.transpose()};
+    links_[b] = {from.chain, from.step + 1,
+                 a,          kNone,
+                 at,         from.spread + ad * a_b.covariance * ad.transpose()};
+    if (from.next == kNone) from.next = b;
   }
-  void forget(int node) noexcept { links_[node] = {}; }
+  void forget(int node) noexcept {
+    const Link gone = links_[node];
+    if (gone.before != kNone) links_[gone.before].next = gone.next;
+    if (gone.next != kNone) links_[gone.next].before = gone.before;
+    links_[node] = {};
+  }
   void clear() noexcept {
     for (Link& l : links_) l = {};
   }
 
   /// The node that a node's chain begins with; -1: it is in none.
   [[nodiscard]] int chain(int node) const noexcept { return links_[node].chain; }
+  /// How many links the two are apart. @pre related(a, b)
+  [[nodiscard]] int apart(int a, int b) const noexcept {
+    return std::abs(links_[a].step - links_[b].step);
+  }
+  /// Calls visit(node) for a node of a chain and those up to `reach` links before and after it.
+  template <class Visit>
+  void for_each_near(int node, int reach, Visit&& visit) const {
+    visit(node);
+    int n = links_[node].before;
+    for (int k = 0; k < reach && n != kNone; ++k, n = links_[n].before) visit(n);
+    n = links_[node].next;
+    for (int k = 0; k < reach && n != kNone; ++k, n = links_[n].next) visit(n);
+  }
   [[nodiscard]] bool related(int a, int b) const noexcept {
     return a == b || (links_[a].chain >= 0 && links_[a].chain == links_[b].chain);
   }
@@ -58,9 +80,13 @@ class OdometryChains {
   }
 
  private:
+  static constexpr int kNone = -1;
   struct Link {
-    int chain = -1;  ///< the node that it starts with
-    Pose T_start;    ///< T_start_node
+    int chain = kNone;   ///< the node that it starts with
+    int step = 0;        ///< from there
+    int before = kNone;  ///< on the path
+    int next = kNone;
+    Pose T_start;  ///< T_start_node
     Block spread = Block::Zero();
   };
   std::span<Link> links_;

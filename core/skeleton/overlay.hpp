@@ -1,6 +1,8 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <limits>
+
 #include "core/maplet/maplet.hpp"
 #include "core/skeleton/skeleton.hpp"
 
@@ -37,11 +39,13 @@ struct Overlay {
 /// Time     O(nodes + planes shown).
 /// @param gauge     the group to show
 /// @param fidelity  share of each maplet's area that its largest planes must make up, 0..1
+/// @param first, count  of the skeleton's nodes: a part of the map at a time
 template <class Show>
 Overlay lay_over(const Skeleton& skeleton, const MapletKey& gauge, MapletLookup& maplets,
-                 double fidelity, Show&& show) noexcept {
+                 double fidelity, Show&& show, int first = 0,
+                 int count = std::numeric_limits<int>::max()) noexcept {
   Overlay out;
-  for (int i = 0; i < skeleton.node_count(); ++i) {
+  for (int i = first; i < skeleton.node_count() && i - first < count; ++i) {
     const Skeleton::NodeView node = skeleton.node(i);
     if (node.gauge != gauge) continue;
     const Maplet* maplet = maplets.find(node.key);

@@ -112,8 +112,11 @@ class PoseGraph {
     stepper_.evaluate_all();
     return stepper_.chi2();
   }
+  /// As last evaluated.
+  [[nodiscard]] double last_chi2() const noexcept { return stepper_.chi2(); }
   /// Eliminates what waits, whatever it is worth: all nodes with factors are in the factor then.
-  void flush() noexcept;
+  /// @return false when the deadline passed before: call again
+  bool flush(Deadline deadline = Deadline::never()) noexcept;
   /// No step has been made since the factors were last evaluated.
   [[nodiscard]] bool up_to_date() const noexcept {
     return !stepper_.busy() && !stepper_.unverified() && !elimination_.busy();
@@ -145,6 +148,7 @@ class PoseGraph {
   void start_job() noexcept;
   void start_fresh_job(double damping) noexcept;
   void finish_job() noexcept;
+  void drop_columns() noexcept;
   void overcome_overflow() noexcept;
   void set_factors_aside() noexcept;
   void place_fresh_nodes() noexcept;

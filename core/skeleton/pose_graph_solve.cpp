@@ -1,6 +1,6 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
-// The engine's work: eliminations and steps in turn, until the deadline. pose_graph.cpp holds what
-// it works on.
+// The engine's work: eliminations and steps in turn, until the deadline. pose_graph_jobs.cpp has
+// the eliminations.
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -9,120 +9,6 @@
 #include "core/skeleton/pose_graph.hpp"
 
 namespace maplet {
-
-// Everything anew, in one job: all factors linearised where they stand, no rounding carried over.
-template <class Space>
-void PoseGraph<Space>::start_fresh_job(double damping) noexcept {
-  begin_job();
-  for (int k = 0; k < dirty_count_; ++k) graph_.factor(dirty_[k]).state.dirty = false;
-  job_count_ = dirty_count_ = 0;
-  for (int i = 0; i < graph_.factor_end(); ++i) {
-    FactorState& s = graph_.factor(i).state;
-    if (!s.active && !s.integrated) continue;
-    s.in_job = true;
-    job_[job_count_++] = i;
-  }
-  fresh_job_ = true;
-  elimination_.touch_all(damping);
-  if (newest_ != kNone) elimination_.keep_last(newest_);
-  elimination_.begin();
-}
-
-template <class Space>
-void PoseGraph<Space>::begin_job() noexcept {
-  if (objective_changed_) stepper_.conclude();
-  hang_anew();
-  job_changes_objective_ = objective_changed_;
-  objective_changed_ = false;
-  pending_ = 0.0;
-  elimination_.clear_job();
-}
-
-template <class Space>
-void PoseGraph<Space>::start_job() noexcept {
-  begin_job();
-  std::swap(dirty_, job_);
-  job_count_ = dirty_count_;
-  dirty_count_ = 0;
-  for (int k = 0; k < job_count_; ++k) {
-    Factor<Space>& f = graph_.factor(job_[k]);
-    f.state.dirty = false;
-    f.state.in_job = true;
-    elimination_.touch(f.a);
-    if (f.b != kNone) elimination_.touch(f.b);
-  }
-  if (newest_ != kNone && graph_.node(newest_).first_incidence != kNone) {
-    elimination_.touch(newest_);
-    elimination_.keep_last(newest_);
-  }
-  elimination_.begin();
-}
-
-// The new columns did not fit. Once more without the garbage; then without the old columns, which
-// costs the steps until the job is done; then with fewer factors, those set aside counted.
-template <class Space>
-void PoseGraph<Space>::overcome_overflow() noexcept {
-  const bool garbage = elimination_.pool().live() < elimination_.pool().end();
-  const bool old_columns = elimination_.pool().live() > 0;
-  for (int k = 0; k < job_count_; ++k) {
-    graph_.factor(job_[k]).state.in_job = false;
-    if (!fresh_job_) mark_dirty(job_[k]);
-  }
-  job_count_ = 0;
-  refresh_ = fresh_job_ || !garbage;
-  fresh_job_ = false;
-  job_first_ = true;
-  objective_changed_ = objective_changed_ || job_changes_objective_;
-  if (garbage) {
-    elimination_.compact();
-  } else if (old_columns) {
-    elimination_.clear();
-    for (int i = 0; i < graph_.factor_end(); ++i) graph_.factor(i).state.integrated = false;
-  } else {
-    set_factors_aside();
-  }
-}
-
-// An eighth of the factors, the newest that no node hangs by.
-template <class Space>
-void PoseGraph<Space>::set_factors_aside() noexcept {
-  int wanted = std::max(1, graph_.factor_count() / 8);
-  for (int i = graph_.factor_end() - 1; i >= 0 && wanted > 0; --i) {
-    Factor<Space>& f = graph_.factor(i);
-    if (!f.state.active) continue;
-    int oldest = i;
-    graph_.for_each_incident(std::max(f.a, f.b),
-                             [&](int at, int) { oldest = std::min(oldest, at); });
-    if (oldest == i) continue;
-    f.state.active = false;
-    stepper_.withdraw(i);
-    ++overflows_;
-    --wanted;
-  }
-}
-
-template <class Space>
-void PoseGraph<Space>::finish_job() noexcept {
-  double change = 0.0;
-  for (int k = 0; k < job_count_; ++k) {
-    graph_.factor(job_[k]).state.in_job = false;
-    change += std::abs(stepper_.evaluate_new(job_[k]));
-  }
-  job_count_ = 0;
-  if (change > 1e-9 || fresh_job_) wants_step_ = true;
-  if (fresh_job_) stepper_.distrust_nothing();
-  fresh_job_ = false;
-  if (job_changes_objective_) stepper_.forget_step();
-  int kept = 0;
-  for (int k = 0; k < fresh_count_; ++k) {
-    if (elimination_.contains(fresh_[k])) {
-      graph_.node(fresh_[k]).hung_from = kNone;
-    } else {
-      fresh_[kept++] = fresh_[k];
-    }
-  }
-  fresh_count_ = kept;
-}
 
 template <class Space>
 double PoseGraph<Space>::tolerance(bool idle) const noexcept {
@@ -168,14 +54,16 @@ bool PoseGraph<Space>::due(bool idle) const noexcept {
 }
 
 template <class Space>
-void PoseGraph<Space>::flush() noexcept {
+bool PoseGraph<Space>::flush(Deadline deadline) noexcept {
   flushing_ = true;
-  for (int k = 0; k < 1000 && (dirty_count_ > 0 || elimination_.busy()); ++k) {
+  const auto waits = [&] { return dirty_count_ > 0 || elimination_.busy(); };
+  for (int k = 0; k < 1000 && waits() && (k == 0 || !deadline.expired()); ++k) {
     job_first_ = true;
     new_input_ = true;
-    (void)update(Deadline::never());
+    (void)update(deadline);
   }
   flushing_ = false;
+  return !waits();
 }
 
 template <class Space>
@@ -258,10 +146,11 @@ bool PoseGraph<Space>::polish(double step, int max_iterations) noexcept {
   for (int k = 0; k < max_iterations; ++k) {
     if (elimination_.busy()) elimination_.abandon();
     for (int i = 0; i < job_count_; ++i) graph_.factor(job_[i]).state.in_job = false;
+    drop_columns();
     start_fresh_job(0.0);
     Allowance unlimited = Allowance::unlimited();
     if (elimination_.run(unlimited) != Elimination<Space>::Result::kCommitted) {
-      ++overflows_;
+      overcome_overflow();
       return false;
     }
     finish_job();
@@ -293,11 +182,12 @@ SolveReport PoseGraph<Space>::optimise(Deadline deadline, int max_iterations) no
     ++report.iterations;
     if (elimination_.busy()) elimination_.abandon();
     for (int k = 0; k < job_count_; ++k) graph_.factor(job_[k]).state.in_job = false;
+    drop_columns();
     start_fresh_job(damping);
     Allowance unlimited = Allowance::unlimited();
     if (elimination_.run(unlimited) != Elimination<Space>::Result::kCommitted) {
-      ++overflows_;
-      break;
+      overcome_overflow();
+      continue;
     }
     finish_job();
     if (now < 0.0) now = chi2();
@@ -320,7 +210,7 @@ SolveReport PoseGraph<Space>::optimise(Deadline deadline, int max_iterations) no
     damping = std::max(10.0 * damping, 1e-6);
     if (damping > 1e8) break;
   }
-  wants_step_ = false;
+  wants_step_ = refresh_ = job_first_ = false;
   settled_ = true;
   stepper_.forget_step();
   report.chi2 = now;
@@ -328,17 +218,11 @@ SolveReport PoseGraph<Space>::optimise(Deadline deadline, int max_iterations) no
 }
 
 #define MAPLET_INSTANTIATE(Space)                                        \
-  template void PoseGraph<Space>::start_fresh_job(double) noexcept;      \
-  template void PoseGraph<Space>::begin_job() noexcept;                  \
-  template void PoseGraph<Space>::start_job() noexcept;                  \
-  template void PoseGraph<Space>::overcome_overflow() noexcept;          \
-  template void PoseGraph<Space>::set_factors_aside() noexcept;          \
-  template void PoseGraph<Space>::finish_job() noexcept;                 \
   template double PoseGraph<Space>::tolerance(bool) const noexcept;      \
   template void PoseGraph<Space>::relinearise() noexcept;                \
   template bool PoseGraph<Space>::any_stale() const noexcept;            \
   template bool PoseGraph<Space>::due(bool) const noexcept;              \
-  template void PoseGraph<Space>::flush() noexcept;                      \
+  template bool PoseGraph<Space>::flush(Deadline) noexcept;              \
   template SolveReport PoseGraph<Space>::update(Deadline, int) noexcept; \
   template bool PoseGraph<Space>::polish(double, int) noexcept;          \
   template SolveReport PoseGraph<Space>::optimise(Deadline, int) noexcept;

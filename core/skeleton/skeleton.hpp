@@ -27,7 +27,7 @@ namespace maplet {
 struct SkeletonConfig {
   int max_nodes = 2048;
   int max_factors = 8192;
-  int blocks_per_node = 24;
+  int blocks_per_node = 12;
   double closure_sigmas = 3.0;  ///< how much larger standard deviations are taken in the gate
   bool condense = true;         ///< at the limits; else what comes then is turned away
 
@@ -120,7 +120,7 @@ class Skeleton {
   [[nodiscard]] double chi2() const noexcept { return report_.chi2; }
   [[nodiscard]] Stop stop() const noexcept { return report_.stop; }
   /// Nothing waits and no step gains any more: update() would change nothing.
-  [[nodiscard]] bool settled() const noexcept { return solver_.settled(); }
+  [[nodiscard]] bool settled() const noexcept { return undecided_.empty() && solver_.settled(); }
   /// The same for the same set of records, in whatever order they came.
   [[nodiscard]] std::uint64_t records_digest() const noexcept { return digest_; }
 
@@ -191,6 +191,7 @@ class Skeleton {
   Added link(const Sight& sight, int a) noexcept;
   void hear_waiting() noexcept;
   void keep_newest(int node) noexcept;
+  void decide_waiting(Deadline deadline) noexcept;
   // skeleton_settle.cpp
   void sort_by_key() noexcept;
   void start_canonically() noexcept;
@@ -214,7 +215,8 @@ class Skeleton {
   std::span<bool> placed_;            ///< settle's: nodes
   std::span<bool> late_;              ///< settle's: factors
   StaticVector<Sight, kMostWaiting> waiting_;
-  StaticVector<int, 64> newest_;  ///< of each agent: stays
+  StaticVector<int, kMostWaiting> undecided_;  ///< closures that nobody has judged yet
+  StaticVector<int, 64> newest_;               ///< of each agent: stays
   int node_count_ = 0;
   int factor_count_ = 0;
   std::uint64_t digest_ = 0;

@@ -20,6 +20,8 @@ bool Skeleton::make_room(int nodes, int factors) noexcept {
   solver_.take_freed([&](int factor) {
     judge_.forget(factor);
     finder_.forget(factor);
+    const auto undecided = std::find(undecided_.begin(), undecided_.end(), factor);
+    if (undecided != undecided_.end()) undecided_.erase(undecided);
     provenance_[factor] = {};
   });
   // What is left, and what the condenser made of the rest.

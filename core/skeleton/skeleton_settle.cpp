@@ -80,6 +80,7 @@ void Skeleton::judge_all() noexcept {
 bool Skeleton::settle(Deadline deadline) noexcept {
   if (canonical_) return true;
   if (deadline.expired()) return false;
+  decide_waiting(Deadline::never());
   solver_.flush();
   judge_.begin_anew();
   sort_by_key();

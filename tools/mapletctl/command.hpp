@@ -35,5 +35,6 @@ void add_solve(Command app);
 void add_top(Command app);
 void add_version(Command app);
 void add_watch(Command app);
+void add_ways(Command app);
 
 }  // namespace maplet::ctl

@@ -4,6 +4,8 @@
 #include <filesystem>
 #include <fstream>
 #include <memory>
+#include <span>
+#include <vector>
 
 #include "tools/files/maplet_file.hpp"
 #include "tools/files/ply.hpp"
@@ -18,19 +20,31 @@ namespace fs = std::filesystem;
 struct Options {
   std::string input;
   std::string ply, g2o, tum;
+  double fidelity = 1.0;
 };
+
+/// The largest of them, so many that they make up that share of the area.
+std::span<const files::Surface> largest(const std::vector<files::Surface>& surfaces, double share) {
+  double whole = 0.0;
+  for (const files::Surface& s : surfaces) whole += s.area_m2;
+  std::size_t count = 0;
+  for (double shown = 0.0; count < surfaces.size() && shown < share * whole; ++count)
+    shown += surfaces[count].area_m2;
+  return std::span{surfaces}.first(count);
+}
 
 void export_ply(const Options& options) {
   files::PlyMesh mesh;
   if (fs::is_directory(options.input)) {
     for (const files::RunMaplet& m : files::read_run(options.input).maplets) {
-      for (const files::Surface& surface : m.surfaces) {
+      for (const files::Surface& surface : largest(m.surfaces, options.fidelity)) {
         mesh.add(files::moved(m.T_world_maplet.se3, surface), files::colour_of(m.id, surface));
       }
     }
   } else {
     const auto maplet = files::read_maplet(options.input);
-    for (const files::Surface& surface : files::surfaces_of(*maplet)) {
+    const auto surfaces = files::surfaces_of(*maplet);
+    for (const files::Surface& surface : largest(surfaces, options.fidelity)) {
       mesh.add(surface, files::colour_of(maplet->key.id, surface));
     }
   }
@@ -94,6 +108,10 @@ void add_export(Command app) {
       .type_name("DIR|FILE");
   command.add_option("--ply", options->ply, "Coloured quads: what was seen of each plane")
       .type_name("FILE");
+  command
+      .add_option("--fidelity", options->fidelity,
+                  "Of --ply: share of each maplet's area that its largest planes make up")
+      .range(0.0, 1.0);
   command.add_option("--g2o", options->g2o, "The skeleton (folders only)").type_name("FILE");
   command
       .add_option("--tum", options->tum,

@@ -42,6 +42,7 @@ int main(int argc, char** argv) {
           add_top(app);
           add_version(app);
           add_watch(app);
+          add_ways(app);
         });
   } catch (const Failure& e) {
     fmt::print(stderr, "mapletctl: {}\n", e.what());

@@ -62,7 +62,7 @@ void add_range(Command app) {
   command.add_option("--stamp-s", options->stamp_s, "by the frames' clock; 0: now").show_default();
   command.add_option("--bearing", options->bearing, "x,y,z: unit vector, camera's frame")
       .comma_list(3);
-  command.add_option("--bearing-sigma", options->bearing_sigma_rad, "rad").show_default();
+  command.add_option("--angle-sigma", options->bearing_sigma_rad, "rad").show_default();
   command.add_option("--domain", options->dds.domain, "DDS domain (the daemon's dds.domain)")
       .range(0, 230)
       .show_default();

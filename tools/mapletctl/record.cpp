@@ -26,6 +26,8 @@ using Json = nlohmann::ordered_json;
 
 constexpr std::uint64_t kMb = 1'000'000;
 constexpr std::uint64_t kSpareBytes = 100 * kMb;  ///< that the disk keeps
+constexpr std::uint64_t kBehindFrames = 64;  ///< at most that OpenNI2's recorder has not written
+constexpr std::uint64_t kIndexBytes = 100'000;
 
 struct Options {
   daemon::Options daemon;
@@ -41,6 +43,7 @@ struct Recording {
   std::string ended;
   std::uint64_t frames = 0;
   std::uint64_t bytes = 0;
+  std::uint64_t raw_bytes = 0;  ///< of a frame as the camera sends it
 };
 
 bool is_oni(const std::string& out) { return out.ends_with(".oni"); }
@@ -89,18 +92,30 @@ RecordedCamera camera_of(const DepthFrame& frame) {
   return camera;
 }
 
+std::uint64_t raw_bytes_of(const DepthFrame& frame) {
+  const auto pixels = static_cast<std::uint64_t>(frame.depth.width_px) *
+                      static_cast<std::uint64_t>(frame.depth.height_px);
+  return pixels * (frame.gray.empty() ? 2 : 2 + 3);  // depth, RGB
+}
+
 /// Whether one more frame fits: into what was asked for, and onto the disk.
 std::string full(const Options& options, const Recording& recording, double since_s) {
   const std::uint64_t budget = options.max_mb * kMb;
-  const std::uint64_t one = recording.bytes / std::max<std::uint64_t>(recording.frames, 1);
   if (options.frames > 0 && recording.frames >= options.frames) return "as many frames as asked";
   if (options.seconds > 0.0 && since_s >= options.seconds) return "as long as asked";
-  // OpenNI2 writes behind, and an index at the end: some frames in reserve.
-  if (recording.bytes + 8 * one > budget) return fmt::format("the budget of {} MB", options.max_mb);
+  // OpenNI2 writes behind, on a thread of its own: what is not in the file yet may be as large as
+  // it came. Never more than all of them.
+  const std::uint64_t behind = std::min<std::uint64_t>(recording.frames + 2, kBehindFrames);
+  const std::uint64_t most =
+      is_oni(options.out) ? std::min(recording.bytes + behind * recording.raw_bytes + kIndexBytes,
+                                     (recording.frames + 2) * recording.raw_bytes + kIndexBytes)
+                          : recording.bytes + 2 * recording.raw_bytes;
+  if (most > budget) return fmt::format("the budget of {} MB", options.max_mb);
   std::error_code error;
   const fs::path folder = fs::absolute(options.out, error).parent_path();
   const auto space = fs::space(folder, error);
-  if (!error && space.available < kSpareBytes + 8 * one) return "the disk is nearly full";
+  if (!error && space.available < kSpareBytes + most - recording.bytes)
+    return "the disk is nearly full";
   return {};
 }
 
@@ -123,6 +138,7 @@ Recording record(const Options& options, DepthSource& source) {
       if (auto done = writer->write(*frame); !done) throw Failure{done.error()};
     }
     ++recording.frames;
+    recording.raw_bytes = raw_bytes_of(*frame);
     std::error_code error;
     recording.bytes = writer ? writer->bytes() : fs::file_size(options.out, error);
     progress.show(recording.frames);

@@ -63,10 +63,6 @@ void run(Options options) {
   if (options.budget_us > 0.0) options.solve.budget_us = options.budget_us;
   if (options.incremental && options.solve.batch)
     throw Failure{"--incremental and --batch exclude each other", 2};
-  if (options.solve.max_nodes > 0 && options.solve.batch)
-    throw Failure{"--max-nodes keeps a graph small as it grows; leave --batch out", 2};
-  if (options.solve.robust && options.solve.batch)
-    throw Failure{"--robust decides as poses come; leave --batch out", 2};
   const graphs::GraphFile graph = read(options);
   const graphs::SolveOutcome outcome = graphs::solve(graph, options.solve);
   if (!options.trace.empty()) write_trace(options.trace, outcome);

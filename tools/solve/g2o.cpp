@@ -112,13 +112,7 @@ void complain(GraphFile& graph, int file, int line, const char* what) {
 }
 
 void read_g2o(std::string_view text, int file, GraphFile& graph) {
-  for (int line = 1; !text.empty(); ++line) {
-    Edge edge;
-    edge.file = file;
-    edge.line = line;
-    if (const char* wrong = read_line(take_line(text), graph, edge))
-      complain(graph, file, line, wrong);
-  }
+  read_lines(text, file, graph, read_line);
 }
 
 namespace {

@@ -72,14 +72,15 @@ class NodeTable {
     return place;
   }
 
-  /// Makes room for what comes. `freed` is called for each factor that went.
-  template <class Freed>
-  void make_room(int nodes, int factors, Freed&& freed) {
+  /// Makes room for what comes. `gone` is called for each node, `freed` for each factor that went.
+  template <class Gone, class Freed>
+  void make_room(int nodes, int factors, Gone&& gone, Freed&& freed) {
     if (!limited() || condenser_->has_room(nodes, factors)) return;
     (void)condenser_->make_room(nodes, factors);
     for (const auto& c : condenser_->contractions()) {
       const std::uint64_t id = id_of_[static_cast<std::size_t>(c.node)];
       node_of_[id] = kGone;
+      gone(c.node);
       if (c.hub >= 0)
         forwarding_->put(id, id_of_[static_cast<std::size_t>(c.hub)], {c.T_hub_node, c.covariance});
     }

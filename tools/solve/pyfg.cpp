@@ -121,13 +121,7 @@ const char* read_line(std::string_view line, GraphFile& graph, Edge& edge) {
 }  // namespace
 
 void read_pyfg(std::string_view text, int file, GraphFile& graph) {
-  for (int line = 1; !text.empty(); ++line) {
-    Edge edge;
-    edge.file = file;
-    edge.line = line;
-    if (const char* wrong = read_line(take_line(text), graph, edge))
-      complain(graph, file, line, wrong);
-  }
+  read_lines(text, file, graph, read_line);
 }
 
 }  // namespace maplet::graphs

@@ -9,11 +9,10 @@
 #include <unordered_map>
 #include <utility>
 
-#include "core/skeleton/closure_judge.hpp"
-#include "core/skeleton/closure_sets.hpp"
 #include "core/skeleton/frame_finder.hpp"
 #include "core/skeleton/linearise.hpp"
 #include "core/skeleton/pose_graph.hpp"
+#include "tools/solve/closures.hpp"
 #include "tools/solve/convert.hpp"
 #include "tools/solve/fill.hpp"
 #include "tools/solve/heap_count.hpp"
@@ -36,10 +35,9 @@ class ThreadCpuClock final : public Clock {
 
 template <class Space>
 class Run {
-  static constexpr int kMostIdleSteps = 20'000;
+  static constexpr int kPatience = 1000;  ///< idle updates
   static constexpr int kMostReviews = 30;
   static constexpr int kMostSearches = 10'000;
-  static constexpr int kLooksPerStep = 4;
   static constexpr std::size_t kStepsPerDecision = 20;
   static constexpr double kFitsNothing = 10.0;  ///< chi2 a row of error
 
@@ -53,21 +51,13 @@ class Run {
     solver_.emplace(limits_for(file, order_, order.nodes, options.max_nodes), *arena_);
     table_.emplace(*solver_, order.nodes);
     if (options.max_nodes > 0) table_->limit(*arena_);
-    if (options.robust) {
-      judge_.emplace(*solver_, *arena_);
-      chains_.emplace(solver_->graph().max_nodes(), *arena_);
-      const auto between = std::count_if(file.edges.begin(), file.edges.end(), between_agents);
-      sets_.emplace(solver_->graph(), *chains_, std::clamp<int>(static_cast<int>(between), 1, 2000),
-                    *arena_);
-    }
+    if (options.robust) closures_.emplace(*solver_, file, *arena_);
     const auto sight = [](const Edge& e) { return measure::is_sight(e.kind); };
     if (std::any_of(file.edges.begin(), file.edges.end(), sight))
       finder_.emplace(*solver_, *arena_);
     (void)arena_->seal(false);
     outcome_.steps.reserve(order_.size() + options.idle_steps + 1);
     edge_of_.assign(solver_->graph().max_factors(), -1);
-    between_.reserve(order_.size());
-    undecided_.reserve(order_.size());
   }
 
   SolveOutcome run() {
@@ -114,34 +104,20 @@ class Run {
       edge_of_[solver_->add_prior(a->node, r.T, r.covariance)] = edge;
       return;
     }
-    const bool doubted = judge_ && !is_odometry(e);
+    const bool doubted = closures_ && !is_odometry(e);
     const int f = solver_->add_between(a->node, b->node, r.T, r.covariance, doubted ? 0.0 : 1.0);
     edge_of_[f] = edge;
-    if (judge_ && !doubted) chains_->append(a->node, b->node, {r.T, r.covariance.inverse()});
-    if (!doubted) return;
-    if (between_agents(e)) between_.push_back(f);
-    undecided_.push_back(f);
-  }
-
-  /// Closures wait until the graph has eliminated their poses, which it does for its own reasons,
-  /// or for some steps: flushing it for each of them would undo what it saves by being lazy.
-  void decide(bool all) {
-    if (undecided_.empty()) return;
-    if (all) solver_->flush();
-    std::size_t kept = 0;
-    for (const int f : undecided_) {
-      const Factor<Space>& factor = solver_->graph().factor(f);
-      if (all || judge_->marginals().known(factor.a, factor.b)) {
-        judge_->consider(f);
+    if (!closures_) return;
+    if (doubted) {
+      closures_->add(f, between_agents(e));
+    } else {
+      const Relation<Space> step{r.T, r.covariance.inverse()};
+      if (e.a < e.b) {
+        closures_->odometry(a->node, b->node, step);
       } else {
-        undecided_[kept++] = f;
+        closures_->odometry(b->node, a->node, step.inverse());
       }
     }
-    undecided_.resize(kept);
-  }
-
-  [[nodiscard]] static bool between_agents(const Edge& e) {
-    return e.kind == FactorKind::kBetween && e.a >> 56 != e.b >> 56;
   }
 
   void add_sight(const Edge& e, int edge) {
@@ -163,21 +139,11 @@ class Run {
     finder_->note(f);
   }
 
-  /// Closures between two agents stand or fall as sets that agree by odometry alone.
-  void choose_sets() {
-    if (between_.empty()) return;
-    timed([&] {
-      sets_->choose(between_, [&](int f, bool agrees, int size) {
-        if (size > 1 || !agrees) judge_->force(f, agrees);
-      });
-      return solver_->update(Deadline::never());
-    });
-    settle();
-  }
-
+  /// A valley that wrong closures made may have no way down by small steps: then all at once.
   void settle() {
-    for (int k = 0; k < kMostIdleSteps && !solver_->settled(); ++k)
+    for (int k = 0; k < kPatience && !solver_->settled(); ++k)
       timed([&] { return solver_->update(Deadline::never()); });
+    if (!solver_->settled()) timed([&] { return solver_->optimise(Deadline::never()); });
   }
 
   /// An end that fits nothing may be a bad valley (wrong closures): once more from odometry.
@@ -198,39 +164,46 @@ class Run {
     });
   }
 
-  /// After the last pose: verdicts over the whole set, each round at a settled estimate.
-  void review() {
-    if (!judge_) return;
-    decide(true);
-    settle();
-    for (int round = 0; round < kMostReviews; ++round) {
-      bool changed = false;
+  /// Verdicts over the whole set, each round at a settled estimate.
+  template <class Settle>
+  void review(Settle&& settle_now) {
+    if (!closures_) return;
+    timed([&] {
+      closures_->decide(true);
+      return solver_->update(Deadline::never());
+    });
+    settle_now();
+    bool changed = true;
+    for (int round = 0; round < kMostReviews && changed; ++round) {
       timed([&] {
-        changed = judge_->review();
+        changed = closures_->review();
         return solver_->update(Deadline::never());
       });
-      if (!changed) break;
-      settle();
+      if (changed) settle_now();
     }
-    choose_sets();
+    if (!closures_->choose_sets()) return;
+    timed([&] { return solver_->update(Deadline::never()); });
+    settle_now();
   }
 
+  /// All at once. What sights start from, and what is left of a graph that is kept small, are found
+  /// on the way: pose by pose first.
   void batch() {
-    if (finder_) {  // what sights start from has to be found on the way
+    const auto whole = [&] { timed([&] { return solver_->optimise(Deadline::never(), 200); }); };
+    if (finder_ || table_->limited()) {
       incremental();
-    } else {
-      for (const Item& item : order_) {
-        for (const auto id : {file_.edges[item.edge].a, file_.edges[item.edge].b})
-          (void)table_->expect(id);
-        add(item.edge);
-      }
+      return whole();
     }
-    if (!finder_ && !file_.vertices.empty()) {  // the file's own start, where it has one
-      for (const auto& [id, pose] : start_)
-        if (table_->has(id))
-          solver_->graph().node(table_->find(id)->node).pose = to_pose(pose, Space{});
+    for (const Item& item : order_) {
+      for (const auto id : {file_.edges[item.edge].a, file_.edges[item.edge].b})
+        (void)table_->expect(id);
+      add(item.edge);
     }
-    timed([&] { return solver_->optimise(Deadline::never(), 200); });
+    for (const auto& [id, pose] : start_)  // the file's own start, where it has one
+      if (table_->has(id))
+        solver_->graph().node(table_->find(id)->node).pose = to_pose(pose, Space{});
+    whole();
+    review(whole);
   }
 
   void incremental() {
@@ -248,14 +221,16 @@ class Run {
           coming += table_->expect(id) ? 1 : 0;
       timed([&] {
         const Deadline end = deadline();
-        table_->make_room(coming, static_cast<int>(i - first), [&](int f) { forget(f); });
+        table_->make_room(
+            coming, static_cast<int>(i - first),
+            [&](int node) {
+              if (closures_) closures_->forget_node(node);
+            },
+            [&](int f) { forget(f); });
         for (std::size_t k = first; k < i; ++k) add(order_[k].edge);
         if (finder_) finder_->work(end);
         const SolveReport report = solver_->update(end);
-        if (judge_) {
-          decide(outcome_.steps.size() % kStepsPerDecision == 0);
-          judge_->look_again(kLooksPerStep);
-        }
+        if (closures_) closures_->decide(outcome_.steps.size() % kStepsPerDecision == 0);
         return report;
       });
     }
@@ -266,19 +241,17 @@ class Run {
       });
     // After the last pose: as many steps as were asked for; else, with no budget, until it settles.
     const bool to_the_end = !options_.budget_us && options_.idle_steps == 0;
-    const int idle = to_the_end ? kMostIdleSteps : options_.idle_steps;
-    for (int k = 0; k < idle && !(to_the_end && solver_->settled()); ++k)
-      timed([&] { return solver_->update(deadline()); });
+    const int idle = to_the_end ? 0 : options_.idle_steps;
+    if (to_the_end) settle();
+    for (int k = 0; k < idle; ++k) timed([&] { return solver_->update(deadline()); });
     if (!to_the_end) return;
     second_start();
-    review();
+    review([&] { settle(); });
   }
 
   void forget(int factor) {
     edge_of_[factor] = -1;
-    std::erase(between_, factor);
-    std::erase(undecided_, factor);
-    if (judge_) judge_->forget(factor);
+    if (closures_) closures_->forget(factor);
     if (finder_) finder_->forget(factor);
   }
 
@@ -310,12 +283,8 @@ class Run {
   std::optional<Arena> arena_;
   std::optional<PoseGraph<Space>> solver_;
   std::optional<NodeTable<Space>> table_;
-  std::optional<ClosureJudge<Space>> judge_;
   std::optional<FrameFinder<Space>> finder_;
-  std::optional<OdometryChains<Space>> chains_;
-  std::optional<ClosureSets<Space>> sets_;
-  std::vector<int> between_;    ///< closures between agents
-  std::vector<int> undecided_;  ///< closures that nobody has looked at yet
+  std::optional<Closures<Space>> closures_;
   SolveOutcome outcome_;
 };
 

@@ -69,6 +69,18 @@ const char* read_pose(Words& words, bool planar, Se3& pose);
 /// Remembers a line that was not taken.
 void complain(GraphFile& graph, int file, int line, const char* what);
 
+/// Reads a text line by line. @param read_line  of (line, graph, edge): what is wrong, or nullptr
+template <class ReadLine>
+void read_lines(std::string_view text, int file, GraphFile& graph, ReadLine&& read_line) {
+  for (int line = 1; !text.empty(); ++line) {
+    Edge edge;
+    edge.file = file;
+    edge.line = line;
+    if (const char* wrong = read_line(take_line(text), graph, edge))
+      complain(graph, file, line, wrong);
+  }
+}
+
 /// Planar numbers stand at these places of a spatial tangent: x, y, theta of x y z rx ry rz.
 inline constexpr std::array<int, 3> kPlanar{0, 1, 5};
 

@@ -156,7 +156,7 @@ class Control(unittest.TestCase):
             for agent in (1, 2):
                 measure(agent, "7.5", "--sigma", "0.1")
             time.sleep(1.5)
-        measure(1, "7.5", "--bearing", "0,0,1", "--bearing-sigma", "0.05")
+        measure(1, "7.5", "--bearing", "0,0,1", "--angle-sigma", "0.05")
         measure(1, "-3", code=2)
         measure(1, "5", "--sigma", "0", code=2)
         measure(1, "5", "--bearing", "0,0,3", code=2)
@@ -191,6 +191,36 @@ class Control(unittest.TestCase):
         self.until(lambda: not closure()["rejected"])
         self.assertIn("no closure between", self.ctl(1, "closure", "reject", "1:0", "1:2", code=1))
         self.assertIn("does not have both", self.ctl(1, "closure", "reject", "1:0", "9:9", code=1))
+
+    def test_a_planner_asks_for_ways_the_map_and_where_odometry_stands(self):
+        self.start(1, None, "--no-dds")
+        self.until(lambda: len(json.loads(self.ctl(1, "maplets", "--json"))) >= 4)
+        way = json.loads(self.ctl(1, "way", "1:0", "--from", "1:3", "--json"))
+        self.assertEqual([m["id"] for m in way["maplets"]], [3, 2, 1, 0])
+        steps = [m["T_map_maplet"][:3] for m in way["maplets"]]
+        length = sum(sum((a - b) ** 2 for a, b in zip(p, q)) ** 0.5
+                     for p, q in zip(steps, steps[1:]))
+        self.assertAlmostEqual(way["length_m"], length, places=6)
+        self.assertIn("m in the map of 1:0000", self.ctl(1, "way", "1:0"))  # from where it is
+        self.assertIn("does not have both", self.ctl(1, "way", "9", code=1))
+        self.ctl(1, "way", "somewhere", code=2)
+
+        whole = json.loads(self.ctl(1, "overlay", "--json"))
+        self.assertGreaterEqual(whole["maplets"], 4)
+        self.assertEqual((whole["missing"], whole["left_out"]), (0, 0))
+        self.assertAlmostEqual(sum(p["area_m2"] for p in whole["planes"]), whole["area_m2"], 6)
+        for plane in whole["planes"]:  # n.x + d = 0 where it was seen
+            at = sum(n * c for n, c in zip(plane["n"], plane["centre"])) + plane["d"]
+            self.assertLess(abs(at), 0.02)
+        rough = json.loads(self.ctl(1, "overlay", "--fidelity", "0.5", "--json"))
+        self.assertLess(len(rough["planes"]), len(whole["planes"]))
+        self.assertGreater(rough["area_m2"], 0.4 * whole["area_m2"])
+
+        self.until(lambda: self.status(1)["navigation"]["map"]["agent"] == 1)
+        navigation = self.status(1)["navigation"]
+        self.assertAlmostEqual(sum(v * v for v in navigation["T_map_odom"][3:]), 1.0, places=6)
+        self.assertLess(max(map(abs, navigation["T_map_odom"][:3])), 0.5)  # it hardly drifts yet
+        self.assertEqual(navigation["jumps"], 0)
 
     def test_silence_on_request(self):
         for agent in (1, 2):

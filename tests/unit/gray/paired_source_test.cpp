@@ -126,7 +126,8 @@ TEST(PairedSource, GivesEachDepthFrameItsImage) {
   options.depth_delay = 4ms;
   Gray gray;
   PairedSource source{std::make_unique<Depth>(), gray, options};
-  for (int i = 1; i <= 3; ++i) put(gray.ring, Instant{1h + 33ms * i + 6ms}, 40 + i);
+  for (int i = 1; i <= 3; ++i)
+    put(gray.ring, Instant{1h + 33ms * i + 6ms}, static_cast<std::uint8_t>(40 + i));
   for (int i = 1; i <= 3; ++i) {
     const auto frame = source.next(Deadline::never());
     ASSERT_TRUE(frame);

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
 #include <memory>
 
 #include "core/registration/closure_finder.hpp"
@@ -70,6 +71,60 @@ TEST(Evidence, WallInTheWayIsNoticed) {
   EXPECT_GT(same.agreed, 1.0);
   const Evidence other = weigh_evidence(*room, *view(walls, T), {});
   EXPECT_GT(other.contradicted, 0.1);  // a ninth of it is in the one camera's view
+}
+
+MapletAlignment good_alignment() {
+  MapletAlignment found;
+  found.matches = 20;
+  found.overlap = 0.5;
+  found.chi2_per_dof = 0.5;
+  found.covariance = 1e-4 * Matrix6d::Identity();
+  return found;
+}
+
+TEST(Judgement, WithoutAPriorItMustBeKnownCloselyAndFromNear) {
+  const RegistrationConfig config;
+  Evidence evidence;
+  evidence.agreed = 10.0;
+  evidence.small_agreed = 5.0;
+  const auto verdict = [&](const MapletAlignment& found, Prior prior) {
+    return judge_alignment(found, evidence, prior, config).verdict;
+  };
+  MapletAlignment found = good_alignment();
+  EXPECT_EQ(verdict(found, Prior::kNone), Verdict::kAccept);
+  found.covariance(0, 0) = 0.12 * 0.12;
+  EXPECT_EQ(verdict(found, Prior::kNone), Verdict::kUndecided);
+  EXPECT_EQ(verdict(found, Prior::kPath), Verdict::kAccept);
+  found = good_alignment();
+  found.covariance(4, 4) = 0.04 * 0.04;
+  EXPECT_EQ(verdict(found, Prior::kNone), Verdict::kUndecided);
+  found = good_alignment();
+  found.covariance(1, 1) = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(verdict(found, Prior::kNone), Verdict::kUndecided);
+  found = good_alignment();
+  found.overlap = 0.25;
+  EXPECT_EQ(verdict(found, Prior::kNone), Verdict::kUndecided);
+  EXPECT_EQ(verdict(found, Prior::kGuess), Verdict::kAccept);
+}
+
+// What fits exactly leaves no doubt; a wall that stands elsewhere in the other maplet does.
+TEST(Icap, APairThatDisagreesRaisesDoubt) {
+  const Se3 T = test::camera_at({2.0, 2.5, 1.2}, 0.2);
+  auto moved = test::room();
+  moved[2].centre.x() += 0.05;
+  moved[2].centre.y() += 0.05;
+  double doubt[2];
+  for (const bool differs : {false, true}) {
+    const auto icap = std::make_unique<Icap>(RegistrationConfig{});
+    auto found = icap->align(*view(test::room(), T), *view(differs ? moved : test::room(), T), {},
+                             Deadline::never());
+    ASSERT_TRUE(found);
+    const double before = found->covariance.trace();
+    icap->doubt(*found);
+    doubt[differs ? 1 : 0] = (found->covariance.trace() - before) / before;
+  }
+  EXPECT_LT(doubt[0], 0.01);
+  EXPECT_GT(doubt[1], 2.0 * doubt[0] + 1e-3);
 }
 
 class TwoPlaces final : public PlacePrior {

@@ -5,7 +5,6 @@
 
 #include <Eigen/Dense>
 
-#include "core/skeleton/linearise.hpp"
 #include "tests/unit/skeleton/graphs.hpp"
 
 namespace maplet {
@@ -51,17 +50,8 @@ TYPED_TEST(ClosureJudgeTest, MarginalsAreThoseOfTheDenseInverse) {
   }
   graph.flush();
   const auto& g = graph.graph();
-  const int n = kDim * g.node_count();
-  Eigen::MatrixXd h = Eigen::MatrixXd::Zero(n, n);
-  for (int i = 0; i < g.factor_end(); ++i) {
-    const auto& f = g.factor(i);
-    const auto blocks = hessian(f, f.rel_lin, f.weight_lin);
-    h.block<kDim, kDim>(kDim * f.a, kDim * f.a) += blocks.aa;
-    h.block<kDim, kDim>(kDim * f.b, kDim * f.b) += blocks.bb;
-    h.block<kDim, kDim>(kDim * f.b, kDim * f.a) += blocks.ba;
-    h.block<kDim, kDim>(kDim * f.a, kDim * f.b) += blocks.ba.transpose();
-  }
-  h.topLeftCorner<kDim, kDim>() += g.node(0).anchor * Eigen::MatrixXd::Identity(kDim, kDim);
+  const Eigen::MatrixXd h = test::dense_hessian(g);
+  const auto n = h.rows();
   const Eigen::MatrixXd all = h.inverse();
   Marginals<Space> marginals{g, graph.elimination(), this->arena_};
   for (const int i : {0, 5, 19}) {

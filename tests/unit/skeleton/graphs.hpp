@@ -1,9 +1,11 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <Eigen/Dense>
 #include <random>
 #include <vector>
 
+#include "core/skeleton/linearise.hpp"
 #include "core/skeleton/pose_graph.hpp"
 
 namespace maplet::test {
@@ -46,6 +48,25 @@ struct RandomGraph {
     }
   }
 };
+
+/// What the factor stands for: all factors as they were linearised, and the first node's anchor.
+template <class Space>
+Eigen::MatrixXd dense_hessian(const Graph<Space>& g) {
+  constexpr int kDim = Space::kDim;
+  const int n = kDim * g.node_count();
+  Eigen::MatrixXd h = Eigen::MatrixXd::Zero(n, n);
+  for (int i = 0; i < g.factor_end(); ++i) {
+    const auto& f = g.factor(i);
+    const auto blocks = hessian(f, f.rel_lin, f.weight_lin);
+    h.template block<kDim, kDim>(kDim * f.a, kDim * f.a) += blocks.aa;
+    h.template block<kDim, kDim>(kDim * f.b, kDim * f.b) += blocks.bb;
+    h.template block<kDim, kDim>(kDim * f.b, kDim * f.a) += blocks.ba;
+    h.template block<kDim, kDim>(kDim * f.a, kDim * f.b) += blocks.ba.transpose();
+  }
+  h.template topLeftCorner<kDim, kDim>() +=
+      g.node(0).anchor * Eigen::MatrixXd::Identity(kDim, kDim);
+  return h;
+}
 
 /// Large enough for what the tests build.
 inline constexpr PoseGraphLimits kRoom{400, 1200, 40000};

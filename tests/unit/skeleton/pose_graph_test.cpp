@@ -80,17 +80,8 @@ TYPED_TEST(PoseGraphTest, StepEqualsThatOfADenseSolver) {
   PoseGraph<Space> graph{kRoom, arena};
   TestFixture::feed(graph, random, true);
   const auto& g = graph.graph();
-  const int n = kDim * g.node_count();
-  Eigen::MatrixXd h = Eigen::MatrixXd::Zero(n, n);
-  for (int i = 0; i < g.factor_end(); ++i) {
-    const auto& f = g.factor(i);
-    const auto blocks = hessian(f, f.rel_lin, f.weight_lin);
-    h.block<kDim, kDim>(kDim * f.a, kDim * f.a) += blocks.aa;
-    h.block<kDim, kDim>(kDim * f.b, kDim * f.b) += blocks.bb;
-    h.block<kDim, kDim>(kDim * f.b, kDim * f.a) += blocks.ba;
-    h.block<kDim, kDim>(kDim * f.a, kDim * f.b) += blocks.ba.transpose();
-  }
-  h.topLeftCorner<kDim, kDim>() += g.node(0).anchor * Eigen::MatrixXd::Identity(kDim, kDim);
+  const Eigen::MatrixXd h = test::dense_hessian(g);
+  const auto n = h.rows();
   Eigen::MatrixXd product = Eigen::MatrixXd::Zero(n, n);
   const auto& pool = graph.elimination().pool();
   for (int j = 0; j < g.node_end(); ++j) {

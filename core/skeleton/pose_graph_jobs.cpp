@@ -1,0 +1,143 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+// Eliminations: what goes into one, what follows from it, what is done when it does not fit.
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "core/skeleton/pose_graph.hpp"
+
+namespace maplet {
+
+// Everything anew, in one job: all factors linearised where they stand, no rounding carried over.
+template <class Space>
+void PoseGraph<Space>::start_fresh_job(double damping) noexcept {
+  begin_job();
+  for (int k = 0; k < dirty_count_; ++k) graph_.factor(dirty_[k]).state.dirty = false;
+  job_count_ = dirty_count_ = 0;
+  for (int i = 0; i < graph_.factor_end(); ++i) {
+    FactorState& s = graph_.factor(i).state;
+    if (!s.active && !s.integrated) continue;
+    s.in_job = true;
+    job_[job_count_++] = i;
+  }
+  fresh_job_ = true;
+  elimination_.touch_all(damping);
+  if (newest_ != kNone) elimination_.keep_last(newest_);
+  elimination_.begin();
+}
+
+template <class Space>
+void PoseGraph<Space>::begin_job() noexcept {
+  if (objective_changed_) stepper_.conclude();
+  hang_anew();
+  job_changes_objective_ = objective_changed_;
+  objective_changed_ = false;
+  pending_ = 0.0;
+  elimination_.clear_job();
+}
+
+template <class Space>
+void PoseGraph<Space>::start_job() noexcept {
+  begin_job();
+  std::swap(dirty_, job_);
+  job_count_ = dirty_count_;
+  dirty_count_ = 0;
+  for (int k = 0; k < job_count_; ++k) {
+    Factor<Space>& f = graph_.factor(job_[k]);
+    f.state.dirty = false;
+    f.state.in_job = true;
+    elimination_.touch(f.a);
+    if (f.b != kNone) elimination_.touch(f.b);
+  }
+  if (newest_ != kNone && graph_.node(newest_).first_incidence != kNone) {
+    elimination_.touch(newest_);
+    elimination_.keep_last(newest_);
+  }
+  elimination_.begin();
+}
+
+// Before everything is eliminated anew in one go: the old columns would only take up room.
+template <class Space>
+void PoseGraph<Space>::drop_columns() noexcept {
+  elimination_.clear();
+  for (int i = 0; i < graph_.factor_end(); ++i) graph_.factor(i).state.integrated = false;
+}
+
+// The new columns did not fit. Once more without the garbage; then without the old columns, which
+// costs the steps until the job is done; then with fewer factors, those set aside counted.
+template <class Space>
+void PoseGraph<Space>::overcome_overflow() noexcept {
+  const bool garbage = elimination_.pool().live() < elimination_.pool().end();
+  const bool old_columns = elimination_.pool().live() > 0;
+  for (int k = 0; k < job_count_; ++k) {
+    graph_.factor(job_[k]).state.in_job = false;
+    if (!fresh_job_) mark_dirty(job_[k]);
+  }
+  job_count_ = 0;
+  refresh_ = fresh_job_ || !garbage;
+  fresh_job_ = false;
+  job_first_ = true;
+  objective_changed_ = objective_changed_ || job_changes_objective_;
+  if (garbage) {
+    elimination_.compact();
+  } else if (old_columns) {
+    drop_columns();
+  } else {
+    set_factors_aside();
+  }
+}
+
+// An eighth of the factors, the newest that no node hangs by.
+template <class Space>
+void PoseGraph<Space>::set_factors_aside() noexcept {
+  int wanted = std::max(1, graph_.factor_count() / 8);
+  for (int i = graph_.factor_end() - 1; i >= 0 && wanted > 0; --i) {
+    Factor<Space>& f = graph_.factor(i);
+    if (!f.state.active) continue;
+    int oldest = i;
+    graph_.for_each_incident(std::max(f.a, f.b),
+                             [&](int at, int) { oldest = std::min(oldest, at); });
+    if (oldest == i) continue;
+    f.state.active = false;
+    stepper_.withdraw(i);
+    ++overflows_;
+    --wanted;
+  }
+}
+
+template <class Space>
+void PoseGraph<Space>::finish_job() noexcept {
+  double change = 0.0;
+  for (int k = 0; k < job_count_; ++k) {
+    graph_.factor(job_[k]).state.in_job = false;
+    change += std::abs(stepper_.evaluate_new(job_[k]));
+  }
+  job_count_ = 0;
+  if (change > 1e-9 || fresh_job_) wants_step_ = true;
+  if (fresh_job_) stepper_.distrust_nothing();
+  fresh_job_ = false;
+  if (job_changes_objective_) stepper_.forget_step();
+  int kept = 0;
+  for (int k = 0; k < fresh_count_; ++k) {
+    if (elimination_.contains(fresh_[k])) {
+      graph_.node(fresh_[k]).hung_from = kNone;
+    } else {
+      fresh_[kept++] = fresh_[k];
+    }
+  }
+  fresh_count_ = kept;
+}
+
+#define MAPLET_INSTANTIATE(Space)                                   \
+  template void PoseGraph<Space>::start_fresh_job(double) noexcept; \
+  template void PoseGraph<Space>::begin_job() noexcept;             \
+  template void PoseGraph<Space>::start_job() noexcept;             \
+  template void PoseGraph<Space>::drop_columns() noexcept;          \
+  template void PoseGraph<Space>::overcome_overflow() noexcept;     \
+  template void PoseGraph<Space>::set_factors_aside() noexcept;     \
+  template void PoseGraph<Space>::finish_job() noexcept;
+MAPLET_INSTANTIATE(PlanarSpace)
+MAPLET_INSTANTIATE(SpatialSpace)
+#undef MAPLET_INSTANTIATE
+
+}  // namespace maplet

@@ -1,0 +1,57 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <iterator>
+#include <random>
+
+#include "tests/unit/solve/city.hpp"
+#include "tools/solve/run.hpp"
+
+namespace maplet::graphs {
+namespace {
+
+/// Closures between random places, with the transform of a real one.
+std::size_t add_false_closures(GraphFile& graph, double share, unsigned seed) {
+  std::mt19937 random{seed};
+  std::vector<Edge> real;
+  std::copy_if(graph.edges.begin(), graph.edges.end(), std::back_inserter(real),
+               [](const Edge& e) { return e.b - e.a > 1; });
+  const std::size_t poses = graph.truth.size();
+  const auto wanted = static_cast<std::size_t>(share * static_cast<double>(real.size()));
+  for (std::size_t k = 0; k < wanted; ++k) {
+    Edge e = real[random() % real.size()];
+    do {
+      e.a = random() % poses;
+      e.b = random() % poses;
+    } while (e.a + 1 >= e.b || (graph.truth[e.a].t - graph.truth[e.b].t).norm() < 3.0);
+    e.line = 1;
+    graph.edges.push_back(e);
+  }
+  return real.size();
+}
+
+class SolveRobust : public testing::TestWithParam<bool> {};
+
+TEST_P(SolveRobust, FalseClosuresAreLeftOutAndTrueOnesStay) {
+  GraphFile graph = city(800, 8, 0.03, 5);
+  SolveOptions options;
+  const double clean = solve(graph, options).accuracy->ate_rms_m;
+  const std::size_t real = add_false_closures(graph, 0.4, 11);
+  options.robust = true;
+  options.batch = GetParam();
+  const SolveOutcome out = solve(graph, options);
+  const auto is_false = [](const Edge& e) { return e.line == 1; };
+  const auto found = std::count_if(out.rejected.begin(), out.rejected.end(), is_false);
+  const auto there = std::count_if(graph.edges.begin(), graph.edges.end(), is_false);
+  EXPECT_EQ(found, there);
+  EXPECT_LE(out.rejected.size() - static_cast<std::size_t>(found), real / 100);
+  EXPECT_LT(out.accuracy->ate_rms_m, 1.05 * clean);
+  EXPECT_EQ(out.heap_allocations, 0u);
+}
+
+INSTANTIATE_TEST_SUITE_P(Both, SolveRobust, testing::Bool(),
+                         [](const auto& kind) { return kind.param ? "Batch" : "Incremental"; });
+
+}  // namespace
+}  // namespace maplet::graphs
