@@ -24,9 +24,9 @@ constexpr std::size_t kKiB = std::size_t{1} << 10;
 
 // Measured, and rounded up: docs/memory.md.
 constexpr std::size_t kParticipantBytes = 1280 * kKiB;  // one Cyclone participant, idle
-constexpr std::size_t kKeptDeltaPoseBytes = 4400;    // a sample in a writer's history
-constexpr std::size_t kQueueBytes = 768 * kKiB;      // the publisher's
-constexpr std::size_t kStackBytes = 128 * kKiB;      // what a thread touches of its stack
+constexpr std::size_t kKeptDeltaPoseBytes = 4400;       // a sample in a writer's history
+constexpr std::size_t kQueueBytes = 768 * kKiB;         // the publisher's
+constexpr std::size_t kStackBytes = 128 * kKiB;         // what a thread touches of its stack
 constexpr std::size_t kOwnThreads = 6;
 constexpr std::size_t kDdsThreads = 10;
 constexpr std::size_t kRuntimeBytes = 2 * kMiB;   // allocator, log, configuration
