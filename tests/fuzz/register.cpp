@@ -77,7 +77,7 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   static PlaceVerifier places{RegistrationConfig{}, 8, arena};
   index.add(*a);
   places.clear();
-  for (const PlaceCandidate& candidate : index.query(*b, -1, Deadline::never())) {
+  for (const PlaceCandidate& candidate : index.query(*b, {}, Deadline::never())) {
     if (candidate.key != a->key) continue;
     (void)places.add(*a, *b, candidate.guesses, Deadline::never());
   }

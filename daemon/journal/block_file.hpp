@@ -1,0 +1,27 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+namespace maplet::journal {
+
+/// A file as the store uses it: bytes at places, and a moment after which they are safe.
+///
+/// Threads  one caller.
+class BlockFile {
+ public:
+  virtual ~BlockFile() = default;
+
+  /// @return how many bytes there are at `at`, at most out.size(); fewer at the end, or where the
+  ///   device does not give them
+  [[nodiscard]] virtual std::size_t read(std::uint64_t at, std::span<std::byte> out) noexcept = 0;
+  /// @return whether all was taken; safe only after flush()
+  [[nodiscard]] virtual bool write(std::uint64_t at, std::span<const std::byte> bytes) noexcept = 0;
+  /// @return whether everything written before survives a power cut now
+  [[nodiscard]] virtual bool flush() noexcept = 0;
+  [[nodiscard]] virtual std::uint64_t size() noexcept = 0;
+};
+
+}  // namespace maplet::journal
