@@ -182,6 +182,7 @@ Expected<DepthFrame> Capture::nothing_came(bool ended) noexcept {
                    counters_.read, *length_);
     counters_.unreadable += *length_ - seen;
   }
+  stop();  // a player at the end would keep a processor busy
   return fail(ErrorCode::kEnd, "recording is over");
 }
 

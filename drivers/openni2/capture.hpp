@@ -87,6 +87,7 @@ class Capture final : public DepthSource {
   void open_colour();
   Setup start_recorder(const std::string& file);
   Setup start(Channel& channel);
+  void stop() noexcept;
 
   Got wait(bool depth_too, int timeout_ms) noexcept;
   Got wait_live(bool depth_too, int timeout_ms) noexcept;

@@ -2,6 +2,8 @@
 // Opening a device: what is chosen, and what can be wrong with it.
 #include <fmt/format.h>
 
+#include <thread>
+
 #include "core/limits.hpp"
 #include "drivers/openni2/capture.hpp"
 #include "drivers/openni2/video_mode.hpp"
@@ -13,6 +15,7 @@ namespace {
 using Kind = SourceError::Kind;
 
 constexpr float kFrameByFrame = -1.0F;
+constexpr auto kPlayerSettles = std::chrono::milliseconds{25};
 
 }  // namespace
 
@@ -23,6 +26,16 @@ Capture::Capture(std::string uri, bool recording, const SourceOptions& options)
 
 Capture::~Capture() {
   recorder_.destroy();  // it closes the file
+  stop();
+  // The player looks through its streams without a lock: in a busy loop once a recording has ended,
+  // every 10 ms when all are stopped. Streams are destroyed while it sleeps.
+  if (recording_) std::this_thread::sleep_for(kPlayerSettles);
+  colour_.stream.destroy();
+  depth_.stream.destroy();
+  device_.close();
+}
+
+void Capture::stop() noexcept {
   // The player may stand at a gate while it holds locks that stopping takes.
   for (Channel* channel : {&depth_, &colour_}) {
     if (channel->gate) channel->gate->open();
@@ -31,9 +44,7 @@ Capture::~Capture() {
     if (!channel->stream.isValid()) continue;
     channel->stream.removeNewFrameListener(&channel->arrivals);
     channel->stream.stop();
-    channel->stream.destroy();
   }
-  device_.close();
 }
 
 tl::unexpected<SourceError> Capture::bad(std::string what) const {
