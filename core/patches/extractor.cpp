@@ -48,8 +48,14 @@ bool usable(const DepthFrame& frame) noexcept {
 
 /// Residual between cells that noise explains, in standard deviations of its sum.
 constexpr double kChanceSigmas = 2.0;
-/// Of the misfit beyond that, what goes into the plane: measured on simulated rooms and boxes.
+/// Of the misfit beyond that, what goes into the fit: measured on simulated rooms and boxes.
 constexpr double kMisfitShare = 0.1;
+
+/// Eq. 19: what is left over beyond chance is no noise but a surface that is not quite this plane;
+/// it does not average out over its pixels.
+double misfit(double explained, double dof, double noise_power) noexcept {
+  return std::max(0.0, explained - noise_power * (dof + kChanceSigmas * std::sqrt(2.0 * dof)));
+}
 
 constexpr double kSquaredSteps = kInverseDepthSteps * kInverseDepthSteps;
 
@@ -177,12 +183,9 @@ void PatchExtractor::emit_plane(std::size_t candidate) noexcept {
   const double explained = std::max(0.0, region.rss - region.cells_rss);
   const double dof = 3.0 * std::max(0.0, static_cast<double>(region.cells) - 1.0);
   constexpr double kPriorDof = 12.0;
-  // Eq. 19: what is left over beyond chance is no noise but a surface that is not quite this plane;
-  // it does not average out over its pixels.
   const double bands = step_bias_.power(from.fit.w0) * region.moments.n;
-  const double misfit =
-      std::max(0.0, explained - bands - prior * (dof + kChanceSigmas * std::sqrt(2.0 * dof)));
-  const double power = (kPriorDof * prior + explained) / (kPriorDof + dof) + kMisfitShare * misfit +
+  const double power = (kPriorDof * prior + explained) / (kPriorDof + dof) +
+                       kMisfitShare * misfit(explained - bands, dof, prior) +
                        step_bias_.residue(from.fit.w0) * from.moments.n;
   plane.information = information(from.moments, power);
   tally_[out_->planes.size() - 1] = {.from = &from,
@@ -226,6 +229,13 @@ void PatchExtractor::finish_planes(const DepthFrame& frame) noexcept {
   }
 }
 
+double PatchExtractor::patch_noise(const Leaf& leaf, const PyramidNode& node,
+                                   const Fit& f) const noexcept {
+  const double power = tree_.correlated_px() * pyramid_.variance(f);
+  const double explained = leaf.rss - node.cells_rss - step_bias_.power(f.w0) * node.moments.n;
+  return power + kMisfitShare * misfit(explained, 3.0 * (node.cells - 1.0), power);
+}
+
 void PatchExtractor::emit_patch(const Leaf& leaf, std::int16_t plane,
                                 const DepthFrame& frame) noexcept {
   const PyramidNode& node = pyramid_.at(leaf.level, leaf.i, leaf.j);
@@ -235,7 +245,7 @@ void PatchExtractor::emit_patch(const Leaf& leaf, std::int16_t plane,
   const auto index = static_cast<std::int16_t>(out_->patches.size());
   Patch& patch = out_->patches.emplace_back();
   patch.theta = pixel_frame_.theta(f);
-  const double noise_power = tree_.correlated_px() * pyramid_.variance(f);
+  const double noise_power = patch_noise(leaf, node, f);
   patch.information = information(node.moments, noise_power);
   if (step_bias_.matters(f, node.moments, noise_power)) {
     StepWave wave;

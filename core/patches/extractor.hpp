@@ -61,6 +61,8 @@ class PatchExtractor {
   void emit_plane(std::size_t candidate) noexcept;
   void emit_patches(const DepthFrame& frame, Deadline deadline) noexcept;
   void finish_planes(const DepthFrame& frame) noexcept;
+  [[nodiscard]] double patch_noise(const Leaf& leaf, const PyramidNode& node,
+                                   const Fit& f) const noexcept;
   void emit_patch(const Leaf& leaf, std::int16_t plane, const DepthFrame& frame) noexcept;
   void add_to_plane(const Patch& patch, const Moments& moments) noexcept;
   [[nodiscard]] std::int16_t candidate_of(const Leaf& leaf) const noexcept;

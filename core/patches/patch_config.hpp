@@ -13,7 +13,7 @@ struct PatchConfig {
   int max_patches = kMaxPatches;
   double min_valid_fraction = 0.5;
   double max_rms_sigmas = 1.8;
-  double split_bias_sigmas = 0.5;
+  double split_bias_sigmas = 1.0;
   double merge_chi2 = 12.0;
   double merge_bias_sigmas = 1.0;
   double min_incidence_cos = 0.08;

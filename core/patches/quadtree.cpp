@@ -19,6 +19,8 @@ constexpr double kPriorDof = 60.0;
 constexpr unsigned kNodesPerLook = 4;
 /// Parameters of a plane.
 constexpr double kPlaneDof = 3.0;
+/// Unevenness a pixel, in variances, up to which a leaf tells of noise and not of its surface.
+constexpr double kEvenVariances = 0.25;
 /// Fewer tell too little of a pixel's noise.
 constexpr double kLeastInsideDof = 2000.0;
 
@@ -150,8 +152,12 @@ void Quadtree::add_leaf(int level, int i, int j, const Fit& f) noexcept {
   const PyramidNode& node = pyramid_->at(level, i, j);
   if (level >= Pyramid::kCellLevel) {
     const double variance = pyramid_->variance(f);
-    explained_ += std::max(0.0, f.rss - node.cells_rss) / variance;
-    explained_dof_ += kPlaneDof * (node.cells - 1);
+    const double explained = std::max(0.0, f.rss - node.cells_rss) / variance;
+    const double dof = kPlaneDof * (node.cells - 1);
+    if (explained <= 1.5 * correlated_px_ * dof + kEvenVariances * node.moments.n) {
+      explained_ += explained;
+      explained_dof_ += dof;
+    }
     inside_ += node.cells_rss - (variance - pyramid_->variance(Fit{})) * node.moments.n;
     inside_dof_ += node.moments.n - kPlaneDof * node.cells;
   }
