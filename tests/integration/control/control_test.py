@@ -12,7 +12,7 @@ import unittest
 from pathlib import Path
 
 BIN = Path(os.environ["MAPLET_BIN_DIR"])
-PATIENCE_S = 60.0
+PATIENCE_S = 180.0 if "MAPLET_SANITIZED" in os.environ else 60.0
 SOURCE = "sim:loop?seed=7&width=160&rate_hz=10&frames=200&agent={0}&phase=0.{0}"
 
 

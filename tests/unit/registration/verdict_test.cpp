@@ -116,8 +116,9 @@ TEST(Icap, APairThatDisagreesRaisesDoubt) {
   double doubt[2];
   for (const bool differs : {false, true}) {
     const auto icap = std::make_unique<Icap>(RegistrationConfig{});
-    auto found = icap->align(*view(test::room(), T), *view(differs ? moved : test::room(), T), {},
-                             Deadline::never());
+    const auto a = view(test::room(), T);  // the pairs point into both
+    const auto b = view(differs ? moved : test::room(), T);
+    auto found = icap->align(*a, *b, {}, Deadline::never());
     ASSERT_TRUE(found);
     const double before = found->covariance.trace();
     icap->doubt(*found);
