@@ -92,7 +92,7 @@ void report_search(const Options& options, const Runs& runs) {
   for (const TrueRun& run : runs) {
     for (const TrueMaplet& m : run.maplets) {
       const double before = cpu_us();
-      (void)index.query(*m.maplet, -1, Deadline::never());
+      (void)index.query(*m.maplet, {}, Deadline::never());
       us.push_back(cpu_us() - before);
     }
   }

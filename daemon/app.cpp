@@ -31,10 +31,11 @@ AgentConfig agent_config(const Config& config) {
 
 }  // namespace
 
-App::App(const Options& options, const Config& config)
+App::App(const Options& options, const Config& config, StateDirectory state)
     : options_{options},
       config_{config},
-      identity_{options.agent, epoch_of(options, config)},
+      state_{std::move(state)},
+      identity_{options.agent, epoch_of(options, config, state_)},
       records_{identity_},
       agent_{
           arena_.make<Agent>("agent", agent_config(config), identity_, meters_, records_, arena_)},
@@ -49,6 +50,7 @@ App::App(const Options& options, const Config& config)
   if (pace_ != Pace::kFast)
     frames_ = std::make_unique<FramePool>(config.agent.limits.image().pixels());
   if (options.dds) radio_ = std::make_unique<RadioLink>(config, identity_, arena_);
+  open_journal();
   const bool locked = arena_.seal(config.realtime.lock_memory);
   memory_ = std::make_unique<MemoryStatus>(arena_, locked);
 }
@@ -61,6 +63,8 @@ int App::run() {
       !allowed("memory is not locked: grant LimitMEMLOCK (ulimit -l)")) {
     return kExitFailure;
   }
+  resume_mission();
+  if (journal_) journal_->start(radio_.get());
   if (const int exit_code = open(); exit_code != kExitDone) return exit_code;
   const int priority = pace_ == Pace::kFast ? 0 : config_.realtime.estimator_priority;
   if (const auto problem = set_up_this_thread("mapletd", priority); !allowed(problem)) {
@@ -164,6 +168,7 @@ void App::process(const DepthFrame& frame) {
   totals_.add(step);
   if (output_) output_->frame(step);
   hand_out(step.closed);
+  note_skeleton(false);
   listen(1);
   if (pace_ != Pace::kFast) settle(Deadline{monotonic_, budget_ - (monotonic_.now() - begin)});
   if (monotonic_.now() - last_status_ >= std::chrono::seconds{1}) {

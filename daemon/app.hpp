@@ -15,6 +15,7 @@
 #include "daemon/governor.hpp"
 #include "daemon/gpio_panel.hpp"
 #include "daemon/heartbeat.hpp"
+#include "daemon/journal_writer.hpp"
 #include "daemon/live_config.hpp"
 #include "daemon/log.hpp"
 #include "daemon/memory_status.hpp"
@@ -25,6 +26,7 @@
 #include "daemon/run_output.hpp"
 #include "daemon/run_totals.hpp"
 #include "daemon/stage_stats.hpp"
+#include "daemon/state_directory.hpp"
 #include "daemon/status_board.hpp"
 #include "daemon/supervisor.hpp"
 #include "drivers/gray_camera.hpp"
@@ -42,7 +44,7 @@ inline constexpr int kExitUsage = 2;
 /// what is there is written.
 class App {
  public:
-  App(const Options& options, const Config& config);
+  App(const Options& options, const Config& config, StateDirectory state);
   ~App();
 
   /// @return the process's exit code
@@ -74,7 +76,8 @@ class App {
     return pace_ == Pace::kFast ? Deadline::never() : Deadline{monotonic_, budget};
   }
   void hand_out(const MapletCut* closed);
-  void listen(int meetings);    // to what others found out
+  void listen(int meetings);  // to what others found out
+  void hear_others(Deadline until);
   void say_what_is_near();      // which maplets of others to ask for first
   void take_ranges();           // that programs on this robot measured
   void settle(Deadline spare);  // the skeleton, when nothing was found out for a moment
@@ -85,6 +88,22 @@ class App {
   void say_tracking(const Track& track) noexcept;
   void set_tracking(bool tracking) noexcept;  // as the lines show it
   void stay_held();                           // while the switch is on
+
+  // app_journal.cpp
+  void open_journal();
+  void resume_mission();  // before the radio starts
+  void note_skeleton(bool all);
+  void close_journal();
+  [[nodiscard]] static std::int64_t wall_clock_s();
+  /// Own records go on the air, with a journal once they are safe.
+  template <class Record>
+  void put_on_air(const Record& record) {
+    if (journal_) {
+      journal_->put(record);
+    } else if (radio_) {
+      (void)radio_->publish(record);
+    }
+  }
 
   // app_status.cpp
   [[nodiscard]] StatusRecord status(StatusRecord::State state) const;
@@ -97,6 +116,7 @@ class App {
 
   const Options& options_;
   const Config& config_;
+  StateDirectory state_;
   AgentIdentity identity_;
   Arena arena_;
   StageMeters meters_;
@@ -113,6 +133,7 @@ class App {
   std::unique_ptr<RunOutput> output_;
   std::unique_ptr<DdsPublisher> publisher_;
   std::unique_ptr<RadioLink> radio_;
+  std::unique_ptr<JournalWriter> journal_;  ///< tells the radio: ends before it
   LiveConfig live_;
   StatusBoard board_;
   std::unique_ptr<MemoryStatus> memory_;
@@ -125,7 +146,10 @@ class App {
   Duration given_;   ///< of it, what the governor lets the stages have
   Instant last_status_{};
   Instant last_near_{};
-  Instant last_news_{};  ///< something entered the skeleton
+  Instant snapshot_at_{};
+  std::uint64_t snapshot_digest_ = 0;
+  int snapshot_next_ = -1;  ///< node; -1: none is being made
+  Instant last_news_{};     ///< something entered the skeleton
   Stamp last_stamp_{};
   bool tracking_ = false;
   int timeouts_ = 0;   ///< in a row
@@ -136,5 +160,8 @@ class App {
   std::array<std::byte, kMaxMapletBytes> maplet_bytes_{};
   std::unique_ptr<Supervisor> supervisor_;  ///< looks at much of the above: ends first
 };
+
+/// What a mission's store keeps under a configuration.
+[[nodiscard]] JournalWriter::Config journal_config(const Config& config);
 
 }  // namespace maplet::daemon

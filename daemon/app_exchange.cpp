@@ -43,7 +43,12 @@ void App::hand_out(const MapletCut* closed) {
   if (closed != nullptr) {
     if (output_) output_->maplet(*closed);
     publish(record_of(*closed));
-    if (radio_) (void)radio_->publish(closed->maplet.key, closed->bytes, agent_->saliency());
+    if (journal_) {
+      if (pace_ == Pace::kFast) journal_->wait_for_room();
+      journal_->put(closed->maplet.key, closed->bytes, agent_->saliency());
+    } else if (radio_) {
+      (void)radio_->publish(closed->maplet.key, closed->bytes, agent_->saliency());
+    }
   }
   for (const DeltaPoseRecord& record : records_.pending()) {
     totals_.add(record.kind);
@@ -52,31 +57,43 @@ void App::hand_out(const MapletCut* closed) {
       output_->delta_pose({line.data(), line.size()});
     }
     publish(record);
-    if (radio_) (void)radio_->publish(record);
+    put_on_air(record);
   }
   for (const RangeRecord& record : records_.pending_ranges()) {
     ++totals_.ranges;
-    if (radio_) (void)radio_->publish(record);
+    put_on_air(record);
   }
   records_.clear_pending();
 }
 
 void App::listen(int meetings) {
   if (console_) console_->attend(*agent_, Deadline::never());
-  if (!radio_) return;
+  if (!radio_ && !agent_->encounters().busy()) return;
+  const StageScope scope{meters_, Stage::kExchange, budget_};
+  const Deadline until = deadline(budget_);
+  if (radio_) hear_others(until);
+  for (int i = 0; i < meetings; ++i) {
+    const bool more = agent_->meet(until);
+    hand_out(nullptr);
+    if (!more) break;
+    if (radio_) radio_->stay();
+  }
+}
+
+void App::hear_others(Deadline until) {
   constexpr int kAtOnce = 16;
   radio_->set_record_clock(last_stamp_);
   if (gpio_) radio_->set_clock_rate(gpio_->clock_rate());
-  const StageScope scope{meters_, Stage::kExchange, budget_};
-  const Deadline until = deadline(budget_);
   DeltaPoseRecord record;
   for (int i = 0; i < kAtOnce && radio_->heard(record); ++i) {
     (void)agent_->hear(restore(record), until);
+    if (journal_) journal_->put(record);
     last_news_ = monotonic_.now();
   }
   RangeRecord range;
   for (int i = 0; i < kAtOnce && radio_->heard(range); ++i) {
     (void)agent_->hear(restore(range), until);
+    if (journal_) journal_->put(range);
     last_news_ = monotonic_.now();
   }
   take_ranges();
@@ -86,12 +103,6 @@ void App::listen(int meetings) {
   MapletKey key;
   if (const std::size_t bytes = radio_->heard_maplet(key, maplet_bytes_)) {
     (void)agent_->hear(key, std::span{maplet_bytes_}.first(bytes));
-  }
-  for (int i = 0; i < meetings; ++i) {
-    const bool more = agent_->meet(until);
-    hand_out(nullptr);
-    if (!more) break;
-    radio_->stay();
   }
 }
 

@@ -36,6 +36,7 @@ int App::finish() {
     hand_out(closed);
   }
   publish_status(StatusRecord::State::kStopping);
+  close_journal();
   if (radio_ && output_) radio_->linger(config_.exchange.linger, [this] { listen(kMeetings); });
   const Duration patience = output_ ? kFlushTime : kServiceFlushTime;
   if (publisher_ && publisher_->open() && !publisher_->flush(patience)) {
@@ -43,6 +44,7 @@ int App::finish() {
   }
   if (!output_) return kExitDone;
   (void)agent_->settle(Deadline::never());
+  close_journal();
   totals_.unrelated = records_.refused();
   if (totals_.processed == 0) {
     log_error(config_.input.source + ": no usable frame; check the recording");

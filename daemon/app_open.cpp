@@ -188,7 +188,8 @@ void App::reload() {
 void App::open_console() {
   if (config_.control.socket == "none") return;
   console_ = std::make_unique<Console>(Console::Subjects{identity_, board_, *memory_, live_,
-                                                         radio_.get(), gpio_.get(), gray_.get()});
+                                                         radio_.get(), gpio_.get(), gray_.get(),
+                                                         journal_.get(), &state_});
   if (const std::string problem = console_->open(config_.control.socket); !problem.empty()) {
     log_warning(problem);
     console_.reset();

@@ -7,6 +7,7 @@
 #include "core/base/field.hpp"
 #include "daemon/gpio_config.hpp"
 #include "daemon/gray_config.hpp"
+#include "daemon/journal_config.hpp"
 #include "transport/dds/config.hpp"
 #include "transport/dds/radio_config.hpp"
 #include "transport/sync/sync_config.hpp"
@@ -130,6 +131,7 @@ struct Config {
   RadioConfig radio;
   SyncConfig exchange;
   ControlConfig control;
+  JournalConfig journal;
   RealtimeConfig realtime;
   GpioConfig gpio;
   GrayConfig gray;

@@ -116,7 +116,10 @@ void Console::decide_closure(Agent& agent, Deadline deadline) noexcept {
   MapletKey a;
   MapletKey b;
   decided_ = -1;
-  if (find_named(agent.skeleton(), a, b)) decided_ = agent.decide(a, b, accept_, deadline);
+  if (!find_named(agent.skeleton(), a, b)) return;
+  decided_ = agent.decide(a, b, accept_, deadline);
+  if (decided_ > 0 && about_us_.journal != nullptr)
+    about_us_.journal->put(journal::Decision{a, b, accept_});
 }
 
 void Console::look_into(const Agent& agent) noexcept {

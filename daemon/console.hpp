@@ -13,6 +13,7 @@
 #include "core/agent/agent.hpp"
 #include "daemon/control_server.hpp"
 #include "daemon/gpio_panel.hpp"
+#include "daemon/journal_writer.hpp"
 #include "daemon/live_config.hpp"
 #include "daemon/memory_status.hpp"
 #include "daemon/radio_link.hpp"
@@ -40,6 +41,8 @@ class Console {
     RadioLink* radio;                  ///< nullptr: --no-dds
     const GpioPanel* gpio = nullptr;   ///< nullptr: no line is used
     const GrayCamera* gray = nullptr;  ///< nullptr: none beside the depth camera
+    JournalWriter* journal = nullptr;  ///< nullptr: the mission is in memory only
+    const StateDirectory* state = nullptr;
   };
   explicit Console(const Subjects& subjects) noexcept : about_us_{subjects} {}
 
@@ -112,6 +115,7 @@ class Console {
   [[nodiscard]] std::string reply(const std::string& line);
   [[nodiscard]] static NewClosure named(const nlohmann::ordered_json& question);
   [[nodiscard]] std::string status_text() const;  // status_text.cpp
+  [[nodiscard]] std::string mission_text() const;
   [[nodiscard]] std::string peers_text() const;
   [[nodiscard]] std::string why_text(int agent);
   [[nodiscard]] std::string closures_text();

@@ -47,6 +47,7 @@ std::string Console::reply(const std::string& line) {
   const Json agent = question.value("agent", Json{});
   if (command == "status") return status_text();
   if (command == "peers") return peers_text();
+  if (command == "mission") return mission_text();
   if (command == "closures") return closures_text();
   if (command == "maplets") return maplets_text();
   if (command == "add") return add_text(line);
@@ -66,8 +67,19 @@ std::string Console::status_text() const {
                          ? nullptr
                          : std::make_unique<RadioStatus>(about_us_.radio->status());
   Json json = status_json(about_us_.board.read(), about_us_.memory, radio.get());
+  if (about_us_.journal != nullptr) json["journal"] = journal_json(about_us_.journal->status());
+  if (about_us_.state != nullptr) json["journal"]["directory"] = about_us_.state->path();
   if (about_us_.gpio != nullptr) json["gpio"] = gpio_json(about_us_.gpio->status());
   if (about_us_.gray != nullptr) json["gray_camera"] = gray_json(*about_us_.gray);
+  return json.dump();
+}
+
+std::string Console::mission_text() const {
+  Json json = about_us_.journal != nullptr ? journal_json(about_us_.journal->status())
+                                           : journal_json(JournalStatus{});
+  json["agent"] = about_us_.identity.agent;
+  json["epoch"] = about_us_.identity.epoch;
+  json["directory"] = about_us_.state != nullptr ? about_us_.state->path() : "";
   return json.dump();
 }
 

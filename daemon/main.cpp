@@ -18,6 +18,16 @@ namespace {
 
 using namespace maplet::daemon;
 
+int run(const Options& options, const Config& config) {
+  const std::uint64_t bytes = static_cast<std::uint64_t>(config.journal.size_mib) << 20;
+  auto state = StateDirectory::open(options.state, options.agent, bytes);
+  if (!state) {
+    fmt::print(stderr, "mapletd: {}\n", state.error().what);
+    return state.error().usage ? kExitUsage : kExitFailure;
+  }
+  return App{options, config, std::move(*state)}.run();
+}
+
 int run(int argc, char** argv) {
   Options options;
   if (const int exit_code = parse_options(argc, argv, options); exit_code >= 0) return exit_code;
@@ -28,26 +38,27 @@ int run(int argc, char** argv) {
   }
   switch (options.action) {
     case Options::Action::kCheckConfig:
-      (void)memory_ledger(*config, options.dds);  // it fits
+      (void)memory_ledger(*config, options.parts());  // it fits
       fmt::print("configuration is valid\n");
       return kExitDone;
     case Options::Action::kPrintConfig:
       fmt::print("{}", print_config(*config));
       return kExitDone;
     case Options::Action::kPrintMemory:
-      fmt::print("{}", to_text(memory_ledger(*config, options.dds)));
+      fmt::print("{}", to_text(memory_ledger(*config, options.parts())));
       return kExitDone;
     case Options::Action::kPrintUnitLimits:
-      fmt::print("{}", unit_limits(memory_ledger(*config, options.dds)));
+      // The unit has a StateDirectory, so a journal.
+      fmt::print("{}", unit_limits(memory_ledger(*config, {options.dds, true})));
       return kExitDone;
     case Options::Action::kRun:
       if (const auto limit = cgroup_memory_limit()) {
-        if (const auto why = refusal(*config, options.dds, *limit)) {
+        if (const auto why = refusal(*config, options.parts(), *limit)) {
           fmt::print(stderr, "mapletd: {}\n", *why);
           return kExitUsage;
         }
       }
-      return App{options, *config}.run();
+      return run(options, *config);
   }
   return kExitUsage;
 }

@@ -8,6 +8,7 @@
 
 #include "core/agent/agent.hpp"
 #include "core/base/arena_exhausted.hpp"
+#include "daemon/app.hpp"
 #include "daemon/capture_thread.hpp"
 #include "daemon/console.hpp"
 #include "daemon/own_records.hpp"
@@ -27,7 +28,7 @@ constexpr std::size_t kParticipantBytes = 1280 * kKiB;  // one Cyclone participa
 constexpr std::size_t kKeptDeltaPoseBytes = 4400;       // a sample in a writer's history
 constexpr std::size_t kQueueBytes = 768 * kKiB;         // the publisher's
 constexpr std::size_t kStackBytes = 128 * kKiB;         // what a thread touches of its stack
-constexpr std::size_t kOwnThreads = 6;
+constexpr std::size_t kOwnThreads = 6;                  // the journal's beside
 constexpr std::size_t kDdsThreads = 10;
 constexpr std::size_t kRuntimeBytes = 2 * kMiB;   // allocator, log, configuration
 constexpr std::size_t kCameraFrames = 8;          // the runtime's and the driver's
@@ -37,13 +38,17 @@ void add(MemoryLedger& ledger, std::string_view component, std::size_t count, st
   ledger.beside.push_back({component, count, count * bytes});
 }
 
-void add_beside(MemoryLedger& ledger, const Config& config, bool dds) {
+void add_beside(MemoryLedger& ledger, const Config& config, MemoryParts parts) {
   add(ledger, "stage meters", 1, sizeof(StageMeters));
   add(ledger, "control answers", 1, sizeof(Console));
-  const std::size_t more = (config.gpio.used() ? 1 : 0) + (config.gray.used() ? 1 : 0);
+  const std::size_t more =
+      (config.gpio.used() ? 1 : 0) + (config.gray.used() ? 1 : 0) + (parts.journal ? 1 : 0);
   add(ledger, "threads/ours, stacks", kOwnThreads + more, kStackBytes);
   add(ledger, "runtime", 1, kRuntimeBytes);
-  if (dds) {
+  if (parts.journal) {
+    add(ledger, "journal/queue", 1, JournalWriter::bytes_beside(config.journal.queue_bytes()));
+  }
+  if (parts.dds) {
     add(ledger, "radio/queues", 1, sizeof(RadioLink) + 2 * kMiB);
     add(ledger, "dds/participants", 2, kParticipantBytes);
     add(ledger, "dds/threads, stacks", kDdsThreads, kStackBytes);
@@ -69,17 +74,23 @@ void add_beside(MemoryLedger& ledger, const Config& config, bool dds) {
 
 }  // namespace
 
-MemoryLedger memory_ledger(const Config& config, bool dds, std::size_t most_bytes) {
+MemoryLedger memory_ledger(const Config& config, MemoryParts parts, std::size_t most_bytes) {
   Arena arena{most_bytes};
   const auto meters = std::make_unique<StageMeters>();
   OwnRecords records{{}};
   const auto agent =
       arena.make<Agent>("agent", config.agent, AgentIdentity{}, *meters, records, arena);
-  const auto radio = dds ? std::make_unique<RadioLink>(config, AgentIdentity{}, arena) : nullptr;
+  const auto radio =
+      parts.dds ? std::make_unique<RadioLink>(config, AgentIdentity{}, arena) : nullptr;
+  journal::PosixFile no_file;
+  const auto journal = parts.journal
+                           ? std::make_unique<JournalWriter>(no_file, journal::Survey{}, Life{},
+                                                             journal_config(config), arena)
+                           : nullptr;
   MemoryLedger ledger;
   ledger.arena.assign(arena.ledger().begin(), arena.ledger().end());
   ledger.arena_bytes = arena.used_bytes();
-  add_beside(ledger, config, dds);
+  add_beside(ledger, config, parts);
   ledger.total_bytes =
       std::accumulate(ledger.beside.begin(), ledger.beside.end(), ledger.arena_bytes,
                       [](std::size_t sum, const ArenaEntry& entry) { return sum + entry.bytes; });
@@ -118,11 +129,11 @@ std::string unit_limits(const MemoryLedger& ledger) {
       2 * (kOwnThreads + kDdsThreads));
 }
 
-std::optional<std::string> refusal(const Config& config, bool dds,
+std::optional<std::string> refusal(const Config& config, MemoryParts parts,
                                    std::uint64_t cgroup_limit_bytes) {
   std::string need;
   try {
-    const std::size_t bytes = unit_memory_bytes(memory_ledger(config, dds, cgroup_limit_bytes));
+    const std::size_t bytes = unit_memory_bytes(memory_ledger(config, parts, cgroup_limit_bytes));
     if (bytes <= cgroup_limit_bytes) return {};
     need = fmt::format("{} MiB", bytes / kMiB);
   } catch (const ArenaExhausted& e) {

@@ -8,6 +8,7 @@
 
 #include "core/base/arena.hpp"
 #include "daemon/config.hpp"
+#include "daemon/memory_parts.hpp"
 
 namespace maplet::daemon {
 
@@ -22,7 +23,7 @@ struct MemoryLedger {
 
 /// Builds the stages once to ask them; touches no camera and no network.
 /// @param most_bytes  touches no more than that: throws ArenaExhausted instead
-[[nodiscard]] MemoryLedger memory_ledger(const Config& config, bool dds,
+[[nodiscard]] MemoryLedger memory_ledger(const Config& config, MemoryParts parts,
                                          std::size_t most_bytes = std::size_t{1} << 32);
 
 /// What --print-memory prints.
@@ -37,7 +38,7 @@ struct MemoryLedger {
 /// Whether a limit of the control group leaves room for the configuration. Stays inside the limit
 /// while it looks.
 /// @return what is wrong, on one line
-[[nodiscard]] std::optional<std::string> refusal(const Config& config, bool dds,
+[[nodiscard]] std::optional<std::string> refusal(const Config& config, MemoryParts parts,
                                                  std::uint64_t cgroup_limit_bytes);
 
 }  // namespace maplet::daemon

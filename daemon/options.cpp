@@ -3,6 +3,7 @@
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
+#include <cstdlib>
 
 namespace maplet::daemon {
 
@@ -41,6 +42,13 @@ int parse_options(int argc, char** argv, Options& options) {
                  "tum:DIR[?first=N&count=M&every=K], openni2:[DEVICE-URI|FILE.oni], "
                  "sim:room|loop|corridor[?seed=N&frames=M]");
   app.add_option("--out", options.out, "Folder for the results of a finite run");
+  if (const char* folders = std::getenv("STATE_DIRECTORY")) {  // systemd's: a list
+    options.state = std::string{folders}.substr(0, std::string_view{folders}.find(':'));
+  }
+  app.add_option("--state", options.state,
+                 "Folder of the mission's journal: what survives a power cut; default "
+                 "$STATE_DIRECTORY, none = no journal")
+      ->option_text("DIR");
   std::string pace = "fast";
   app.add_option(
          "--pace", pace,
@@ -73,6 +81,10 @@ int parse_options(int argc, char** argv, Options& options) {
   if (given("--config") && options.config_file.empty()) {
     return usage_error("--config is empty: name a TOML file");
   }
+  if (given("--state") && options.state.empty()) {
+    return usage_error("--state is empty: name a folder, or none");
+  }
+  if (options.state == "none") options.state.clear();
   options.pace = pace == "fast" ? Options::Pace::kFast : Options::Pace::kRecorded;
   options.dds = !no_dds;
   if (check) options.action = Options::Action::kCheckConfig;

@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "daemon/memory_parts.hpp"
+
 namespace maplet::daemon {
 
 /// What the command line of mapletd says.
@@ -22,10 +24,13 @@ struct Options {
   std::string config_file;             ///< empty: defaults
   std::vector<std::string> overrides;  ///< key=value
   std::string source;                  ///< overrides input.source
+  std::string state;                   ///< folder of the journal; empty: none
   std::string out;                     ///< empty: the service
   Pace pace = Pace::kFast;
   std::uint16_t agent = 0;
   bool dds = true;
+
+  [[nodiscard]] MemoryParts parts() const noexcept { return {dds, !state.empty()}; }
 };
 
 /// Parses the command line. Prints help or the usage error itself.

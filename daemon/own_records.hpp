@@ -22,6 +22,9 @@ class OwnRecords final : public RecordSink {
 
   explicit OwnRecords(AgentIdentity identity) noexcept : identity_{identity} {}
 
+  /// Numbers go on from here.
+  void go_on(const std::array<std::uint32_t, kStreams>& next_seq) noexcept { next_seq_ = next_seq; }
+
   [[nodiscard]] std::optional<DeltaPose> put(const DeltaPose& delta) noexcept override;
   [[nodiscard]] std::optional<MapletRange> put(const MapletRange& range) noexcept override;
 

@@ -50,7 +50,8 @@ struct RadioStatus {
 /// A thread that keeps one end of the exchange: the node's logic, the byte budget, the DDS link.
 ///
 /// Memory   the node from the arena, queues fixed at construction (about 1 MB).
-/// Threads  publish() and heard() from the estimator's thread, without waiting and without
+/// Threads  publish() from one thread, the journal's where there is one, and heard() from the
+///   estimator's, without waiting and without
 ///   allocation; status(), set_silent() and adjust() from any.
 class RadioLink final : private RecordTaker, private FrameTaker {
  public:
@@ -62,6 +63,16 @@ class RadioLink final : private RecordTaker, private FrameTaker {
   /// Opens the link and starts the thread.
   /// @param wait  an interface that is missing is no error: keep trying
   [[nodiscard]] std::optional<DdsFailure> start(bool wait);
+
+  // What was known before the start: ExchangeNode::restore(). Before start().
+  template <class Record>
+  void restore(const Record& record) noexcept {
+    node_->restore(record);
+  }
+  void restore(const MapletKey& key, std::span<const std::byte> bytes, float saliency) noexcept {
+    node_->restore(key, bytes, saliency);
+  }
+  void restored(Stream stream, std::uint32_t end) noexcept { node_->restored(stream, end); }
 
   /// @return false when the queue was full
   bool publish(const DeltaPoseRecord& record) noexcept;

@@ -37,8 +37,11 @@ Pace pace_of(const Options& options, const Config& config) {
   return options.pace == Options::Pace::kFast ? Pace::kFast : Pace::kRecorded;
 }
 
-std::uint32_t epoch_of(const Options& options, const Config& config) {
-  if (pace_of(options, config) != Pace::kFast) return std::random_device{}();
+std::uint32_t epoch_of(const Options& options, const Config& config, const StateDirectory& state) {
+  const bool goes_on = state.holds_mission() && state.mode() == StateDirectory::Mode::kJournal;
+  if (goes_on) return state.survey().life.epoch;
+  if (state.holds_mission() || pace_of(options, config) != Pace::kFast)
+    return std::random_device{}();
   Config content = config;  // without where the source lies and where the records go
   content.input.source.clear();
   content.dds = {};

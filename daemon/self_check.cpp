@@ -198,7 +198,7 @@ std::string amount(rlim_t bytes) {
 void check_memory(std::vector<CheckResult>& results, const Config& config) {
   std::optional<MemoryLedger> ledger;
   try {
-    ledger = memory_ledger(config, true);
+    ledger = memory_ledger(config, {});
   } catch (const ArenaExhausted& e) {
     results.push_back({"memory", Result::kFail, std::string{"the stages would need "} + e.what(),
                        "lower [limits], maplet and skeleton sizes"});

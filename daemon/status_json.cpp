@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <cstring>
 #include <string>
 
 #include "core/ports/stage_meter.hpp"
@@ -95,6 +96,24 @@ Json navigation_json(const MapFrame::Notice& frame) {
 
 }  // namespace
 
+nlohmann::ordered_json journal_json(const JournalStatus& status) {
+  constexpr const char* kStates[] = {"off", "on", "waiting", "given_up"};
+  const bool off = status.state == JournalStatus::State::kOff;
+  Json json{{"state", kStates[static_cast<std::size_t>(status.state)]},
+            {"flushed", off ? Json::object() : streams_json(status.flushed)}};
+  if (off) return json;
+  json["record_bytes"] = status.record_bytes;
+  json["written_bytes"] = status.written_bytes;
+  json["carried_bytes"] = status.carried_bytes;
+  json["flushes"] = status.flushes;
+  json["waiting_bytes"] = status.waiting_bytes;
+  json["held_back"] = status.held_back;
+  json["heard_dropped"] = status.heard_dropped;
+  json["generation"] = status.generation;
+  json["problem"] = status.error == 0 ? "" : std::strerror(status.error);
+  return json;
+}
+
 nlohmann::ordered_json gpio_json(const GpioStatus& status) {
   Json json{{"tracking", status.tracking},
             {"heartbeat", status.heartbeat},
@@ -183,7 +202,7 @@ nlohmann::ordered_json status_json(const StatusBoard::Notice& notice, const Memo
       json["peers"].push_back(peer_json(radio->peers[i]));
     }
   }
-  json["journal"] = {{"flushed", Json::object()}};
+  json["journal"] = journal_json(JournalStatus{});
   return json;
 }
 

@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "daemon/gpio_panel.hpp"
+#include "daemon/journal_writer.hpp"
 #include "daemon/memory_status.hpp"
 #include "daemon/radio_link.hpp"
 #include "daemon/status_board.hpp"
@@ -15,6 +16,9 @@ namespace maplet::daemon {
 [[nodiscard]] nlohmann::ordered_json status_json(const StatusBoard::Notice& notice,
                                                  const MemoryStatus& memory,
                                                  const RadioStatus* radio);
+
+/// Its "journal".
+[[nodiscard]] nlohmann::ordered_json journal_json(const JournalStatus& status);
 
 /// Its "gpio", where lines are used.
 [[nodiscard]] nlohmann::ordered_json gpio_json(const GpioStatus& status);

@@ -126,6 +126,19 @@ const MapletCut* Agent::finish(Deadline deadline) noexcept {
   return closed;
 }
 
+bool Agent::restore(const MapletKey& key, std::span<const std::byte> bytes) noexcept {
+  if (!decode(bytes, *older_) || older_->key != key || !store_.put(key, bytes)) return false;
+  store_.set_frontier(key, find_frontier(*older_, up_of(*older_)).region);
+  skeleton_.add(key);
+  encounters_.restore(*older_);
+  return true;
+}
+
+void Agent::begin_part(std::uint32_t first_maplet) noexcept {
+  builder_.identify(identity_.agent, identity_.epoch, first_maplet);
+  encounters_.begin_part(first_maplet);
+}
+
 Added Agent::hear(const DeltaPose& record, Deadline deadline) noexcept {
   return timed(Stage::kSkeleton, budget_.skeleton, deadline,
                [&](Deadline until) { return skeleton_.add(record, until); });

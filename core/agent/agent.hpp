@@ -61,6 +61,14 @@ class Agent {
   /// @return it, or nullptr when there is nothing new
   const MapletCut* finish(Deadline deadline) noexcept;
 
+  /// A maplet of this life from an earlier run, in the order they were made. Before the first
+  /// frame.
+  /// @return false when it makes no sense
+  bool restore(const MapletKey& key, std::span<const std::byte> bytes) noexcept;
+  /// What an earlier run left is restored: maplets are numbered from here on, and begin a part
+  /// whose relation to the one before is not known until a closure joins them.
+  void begin_part(std::uint32_t first_maplet) noexcept;
+
   /// A measurement wants a maplet's origin at its stamp: the first tracked frame that is not older
   /// becomes one, where a maplet has room for it.
   void ask_origin(Stamp stamp) noexcept { origin_asked_ = stamp; }

@@ -37,7 +37,10 @@ class SkeletonRelations final : public PlaceRelations {
 /// as h does. Neighbours of one maplet see the same wrong place as it does: they do not count.
 bool says_the_same(const PlaceHypothesis& h, const PlaceHypothesis& other,
                    const SkeletonRelations& relations) noexcept {
-  const bool turned = other.a.agent == h.b.agent && other.a.epoch == h.b.epoch;
+  const bool one_life = h.a.agent == h.b.agent && h.a.epoch == h.b.epoch;  // two parts of it
+  Se3 ignored;
+  const bool turned = one_life ? !relations.relate(h.a, other.a, ignored)
+                               : other.a.agent == h.b.agent && other.a.epoch == h.b.epoch;
   const MapletKey& a = turned ? other.b : other.a;
   const MapletKey& b = turned ? other.a : other.b;
   Se3 T_a_b = other.alignment.T_a_b.se3;
@@ -84,7 +87,7 @@ bool Encounters::hear(const MapletKey& key, std::span<const std::byte> bytes) no
 
 void Encounters::add_own(const Maplet& maplet) noexcept {
   index_.add(maplet);
-  if (foreign_.count() > 0) wait(maplet.key);
+  if (foreign_.count() > 0 || part_ > 0) wait(maplet.key);
 }
 
 bool Encounters::load(const MapletKey& key, const MapletStore& own, const MapletKey& self,
@@ -114,7 +117,10 @@ void Encounters::ask(const MapletStore& own, const MapletKey& self, Deadline dea
   --waiting_count_;
   if (!load(key, own, self, *b_)) return;
   if (!is_own(key, self)) ++counts_of(key.agent).maplets;
-  candidates_ = index_.query(*b_, key.agent, deadline);
+  // Of ourselves only what is not of this path: earlier parts, earlier lives.
+  PlaceSkip skip{key.agent};
+  if (key.agent == self.agent) skip = {key.agent, false, key.epoch, is_own(key, self) ? part_ : 0};
+  candidates_ = index_.query(*b_, skip, deadline);
   if (candidates_.size() > kTried) candidates_.resize(kTried);
   next_candidate_ = 0;
   asking_ = true;

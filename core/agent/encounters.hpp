@@ -51,6 +51,11 @@ class Encounters {
 
   /// A maplet of another agent arrived. @return false when it is known or makes no sense
   bool hear(const MapletKey& key, std::span<const std::byte> bytes) noexcept;
+  /// This agent starts again: its maplets before this number have no known relation to those that
+  /// come. From now on they are compared with these, as others' are.
+  void begin_part(std::uint32_t first_id) noexcept { part_ = first_id; }
+  /// A maplet of ours from before. It is found again by others, but asks nothing itself.
+  void restore(const Maplet& maplet) noexcept { index_.add(maplet); }
   /// This agent cut a maplet.
   void add_own(const Maplet& maplet) noexcept;
 
@@ -95,6 +100,7 @@ class Encounters {
   std::size_t waiting_count_ = 0;
   bool asking_ = false;  ///< candidates_ of b_ are being verified
   std::size_t next_candidate_ = 0;
+  std::uint32_t part_ = 0;  ///< first own maplet since the start
   PlaceIndex::Candidates candidates_;
   StaticVector<EncounterCounts, kAgents> counts_;
 };

@@ -40,12 +40,12 @@ void PlaceIndex::add(const Maplet& maplet) noexcept {
   count_ = std::min(count_ + 1, stored_.size());
 }
 
-void PlaceIndex::shortlist(int skip_agent, Deadline deadline) noexcept {
+void PlaceIndex::shortlist(const PlaceSkip& skip, Deadline deadline) noexcept {
   Scratch& s = *scratch_;
   s.shortlist.clear();
   for (std::uint32_t slot = 0; slot < count_; ++slot) {
     const PlaceDescriptor& d = stored_[slot];
-    if (d.key == s.asked.key || static_cast<int>(d.key.agent) == skip_agent) continue;
+    if (d.key == s.asked.key || skip(d.key)) continue;
     if (deadline.expired()) {
       stop_ = Stop::kDeadline;
       return;
@@ -54,13 +54,13 @@ void PlaceIndex::shortlist(int skip_agent, Deadline deadline) noexcept {
   }
 }
 
-const PlaceIndex::Candidates& PlaceIndex::query(const Maplet& maplet, int skip_agent,
+const PlaceIndex::Candidates& PlaceIndex::query(const Maplet& maplet, const PlaceSkip& skip,
                                                 Deadline deadline) noexcept {
   Scratch& s = *scratch_;
   stop_ = Stop::kConverged;
   PlaceDescriptor::describe(maplet, s.asked);
   s.candidates.clear();
-  shortlist(skip_agent, deadline);
+  shortlist(skip, deadline);
   for (const Ranked& ranked : s.shortlist) {
     if (deadline.expired()) {
       stop_ = Stop::kDeadline;

@@ -20,6 +20,19 @@ struct PlaceCandidate {
   PlaceCompare::Guesses guesses;  ///< T_a_b, b the maplet asked about; the best first
 };
 
+/// Which of the stored maplets are not asked about: those of the asker's own path.
+struct PlaceSkip {
+  int agent = -1;         ///< negative: all are asked about
+  bool all_lives = true;  ///< of that agent; else only those of `epoch` from `first_id` on
+  std::uint32_t epoch = 0;
+  std::uint32_t first_id = 0;
+
+  [[nodiscard]] bool operator()(const MapletKey& key) const noexcept {
+    return static_cast<int>(key.agent) == agent &&
+           (all_lives || (key.epoch == epoch && key.id >= first_id));
+  }
+};
+
 /// Where a maplet may be, when nothing says how it lies to those that are stored: their
 /// descriptors, compared one by one.
 ///
@@ -40,9 +53,8 @@ class PlaceIndex {
   /// Remembers a maplet; one with the same key is replaced.
   void add(const Maplet& maplet) noexcept;
 
-  /// @param skip_agent  maplets of this agent are left out; negative: of none
   /// @return candidates, the best first, without the maplet itself; valid until the next call
-  [[nodiscard]] const Candidates& query(const Maplet& maplet, int skip_agent,
+  [[nodiscard]] const Candidates& query(const Maplet& maplet, const PlaceSkip& skip,
                                         Deadline deadline) noexcept;
 
   [[nodiscard]] std::size_t size() const noexcept { return count_; }
@@ -62,7 +74,7 @@ class PlaceIndex {
     Candidates candidates;
   };
 
-  void shortlist(int skip_agent, Deadline deadline) noexcept;
+  void shortlist(const PlaceSkip& skip, Deadline deadline) noexcept;
 
   std::span<PlaceDescriptor> stored_;
   std::size_t count_ = 0;

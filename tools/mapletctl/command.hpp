@@ -24,6 +24,7 @@ void add_draw(Command app);
 void add_eval(Command app);
 void add_export(Command app);
 void add_match(Command app);
+void add_mission(Command app);
 void add_patches(Command app);
 void add_patches_eval(Command app);
 void add_range(Command app);

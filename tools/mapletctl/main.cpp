@@ -31,6 +31,7 @@ int main(int argc, char** argv) {
           add_eval(app);
           add_export(app);
           add_match(app);
+          add_mission(app);
           add_patches(app);
           add_patches_eval(app);
           add_range(app);

@@ -86,7 +86,7 @@ Tried propose(const Side& a, const Side& b) {
     PlaceIndex index{stored.maplets.size(), arena};
     for (const auto& m : stored.maplets) index.add(*m);
     for (const auto& m : asking.maplets) {
-      for (const PlaceCandidate& c : index.query(*m, -1, Deadline::never())) {
+      for (const PlaceCandidate& c : index.query(*m, {}, Deadline::never())) {
         auto& guesses = tried[turned ? Pair{m->key.id, c.key.id} : Pair{c.key.id, m->key.id}];
         for (PlaceGuess guess : c.guesses) {
           if (turned) guess.T_a_b = guess.T_a_b.inverse();

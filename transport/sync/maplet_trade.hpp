@@ -75,6 +75,8 @@ class MapletTrade {
   bool write_chunk(DatagramWriter& out) noexcept;
   /// Adds an offer of a maplet kept since the last time. @return false when there is none
   bool write_offer(DatagramWriter& out) noexcept;
+  /// What is kept by now is known to the others.
+  void skip_offers() noexcept { offered_ = kept_; }
   [[nodiscard]] bool offers() const noexcept { return offered_ < kept_; }
 
   [[nodiscard]] const Counters& counters() const noexcept { return counters_; }

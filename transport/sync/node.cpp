@@ -71,6 +71,26 @@ bool ExchangeNode::put(const MapletKey& key, std::span<const std::byte> bytes, f
   return true;
 }
 
+void ExchangeNode::restore(const DeltaPoseRecord& record) noexcept {
+  if (ledger_.insert(record.key) == Insert::kNew) delta_poses_.put(record);
+}
+
+void ExchangeNode::restore(const RangeRecord& record) noexcept {
+  if (ledger_.insert(record.key) == Insert::kNew) ranges_.put(record);
+}
+
+void ExchangeNode::restore(const MapletKey& key, std::span<const std::byte> bytes,
+                           float saliency) noexcept {
+  const auto steps = static_cast<std::uint8_t>(std::clamp(saliency, 0.0F, 1.0F) * 255.0F);
+  if (!trade_.keep(key, bytes, steps)) return;
+  trade_.skip_offers();
+  (void)ledger_.insert({key.agent, key.epoch, Stream::kMaplets, key.id});
+}
+
+void ExchangeNode::restored(Stream stream, std::uint32_t end) noexcept {
+  restored_[static_cast<std::size_t>(stream)] = end;
+}
+
 void ExchangeNode::say_news(const RecordKey& key, Instant now) noexcept {
   const KeyRange range{self_, key.stream, {key.seq, key.seq + 1}};
   owe(range);

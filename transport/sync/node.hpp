@@ -59,6 +59,14 @@ class ExchangeNode {
   bool put(const MapletKey& key, std::span<const std::byte> bytes, float saliency,
            Instant now) noexcept;
 
+  // What this agent or others made before it started again: held, but no news.
+  void restore(const DeltaPoseRecord& record) noexcept;
+  void restore(const RangeRecord& record) noexcept;
+  void restore(const MapletKey& key, std::span<const std::byte> bytes, float saliency) noexcept;
+  /// Own records of a stream were made up to here: those that are not restored are asked back of
+  /// whoever has them.
+  void restored(Stream stream, std::uint32_t end) noexcept;
+
   /// A datagram, or anything at all.
   void receive(std::span<const std::byte> bytes, Instant now) noexcept;
 
@@ -118,6 +126,11 @@ class ExchangeNode {
   };
   using Ranges = StaticVector<KeyRange, 64>;
 
+  /// An own record that was made in this run, not before.
+  [[nodiscard]] bool is_new_own(const Life& life, Stream stream, std::uint32_t seq) const noexcept {
+    return life == self_ && seq >= restored_[static_cast<std::size_t>(stream)];
+  }
+
   // receive.cpp
   void take_entry(const DatagramReader::Entry& entry, Peer& peer, RecordContext& context,
                   bool& readable, Instant now) noexcept;
@@ -175,7 +188,8 @@ class ExchangeNode {
   Instant say_at_{};                  ///< digest or beacon
   Instant said_at_{};
   Instant maplets_from_{};  ///< somebody is heard again: maplets wait until then
-  Duration calm_{};         ///< the present interval while nothing happens
+  std::array<std::uint32_t, kStreams> restored_{};
+  Duration calm_{};  ///< the present interval while nothing happens
   Instant changed_at_{};
   std::uint16_t count_ = 0;
   std::uint64_t random_;

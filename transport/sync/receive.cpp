@@ -109,7 +109,7 @@ void ExchangeNode::take_record(const Record& record, RecordRing<Record>& ring, P
     }
     return;
   }
-  if (life == self_) {
+  if (is_new_own(life, record.key.stream, record.key.seq)) {
     ++counters_.forged_own;
     peers_.note_conflict(self_.agent);
     return;
@@ -170,7 +170,7 @@ void ExchangeNode::take_digest(std::span<const std::byte> body, Peer& peer, Inst
   }
   bool they_miss = false;
   for (const KeyRange& range : difference->i_lack) {
-    if (range.life == self_) continue;  // of a double; or forged
+    if (is_new_own(range.life, range.stream, range.seqs.first)) continue;  // of a double; or forged
     if (range.stream == Stream::kMaplets) {
       trade_.heard_holding(range, peer.life.agent, now);
     } else {

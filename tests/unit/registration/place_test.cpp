@@ -69,7 +69,7 @@ TEST(PlaceIndex, FindsThePlaceAmongManyAndTheTransform) {
     // Turned by more than half a turn, even on its side: no gravity is used.
     const Se3 T_world_b = test::camera_at({0.4, -0.3, 1.0}, 2.5) *
                           Se3::exp((Vector6d() << 0, 0, 0, 0.3, 0, 1.4).finished());
-    const auto& found = index.query(*view(furnished(seed), T_world_b, 2, 0), -1, Deadline::never());
+    const auto& found = index.query(*view(furnished(seed), T_world_b, 2, 0), {}, Deadline::never());
     ASSERT_FALSE(found.empty());
     const Se3 T_a_b = test::camera_at({-1.0, 0.2, 1.2}, 0.1 * seed).inverse() * T_world_b;
     first += found[0].key.id == seed && error_m(found[0].guesses[0].T_a_b, T_a_b) < 0.3 ? 1 : 0;
@@ -86,11 +86,11 @@ TEST(PlaceIndex, IsBoundedAndSkipsTheAskingMaplet) {
   EXPECT_EQ(index.forgotten(), 2U);
   index.add(*view(furnished(5), T, 1, 5));  // again: replaced
   EXPECT_EQ(index.forgotten(), 2U);
-  for (const PlaceCandidate& c : index.query(*view(furnished(5), T, 1, 5), -1, Deadline::never())) {
+  for (const PlaceCandidate& c : index.query(*view(furnished(5), T, 1, 5), {}, Deadline::never())) {
     EXPECT_NE(c.key.id, 5U);
     EXPECT_GE(c.key.id, 2U);
   }
-  EXPECT_TRUE(index.query(*view(furnished(5), T, 2, 5), 1, Deadline::never()).empty());
+  EXPECT_TRUE(index.query(*view(furnished(5), T, 2, 5), {1}, Deadline::never()).empty());
 }
 
 TEST(PlaceIndex, StopsAtTheDeadline) {
@@ -99,7 +99,7 @@ TEST(PlaceIndex, StopsAtTheDeadline) {
   const Se3 T = test::camera_at({-1.0, 0.2, 1.2}, 0.3);
   for (unsigned seed = 0; seed < 8; ++seed) index.add(*view(furnished(seed), T, 1, seed));
   const ManualClock clock;
-  EXPECT_TRUE(index.query(*view(furnished(3), T, 2, 0), -1, Deadline{clock, Duration{0}}).empty());
+  EXPECT_TRUE(index.query(*view(furnished(3), T, 2, 0), {}, Deadline{clock, Duration{0}}).empty());
   EXPECT_EQ(index.stop(), Stop::kDeadline);
 }
 
@@ -120,11 +120,11 @@ TEST(PlaceIndex, OddMapletsAreNoTrouble) {
   index.add(*far);
   for (const auto& asking : {view({}, T, 2, 0), view({room[0]}, T, 2, 1),
                              view({room[1], room[2]}, T, 2, 2), view(room, T, 2, 3)}) {
-    for (const PlaceCandidate& c : index.query(*asking, -1, Deadline::never())) {
+    for (const PlaceCandidate& c : index.query(*asking, {}, Deadline::never())) {
       for (const PlaceGuess& g : c.guesses) EXPECT_TRUE(g.T_a_b.t.allFinite());
     }
   }
-  EXPECT_TRUE(index.query(*far, -1, Deadline::never()).empty());
+  EXPECT_TRUE(index.query(*far, {}, Deadline::never()).empty());
 }
 
 TEST(PlaceIndex, GravityIsUsedWhenKnown) {
@@ -157,7 +157,7 @@ TEST(PlaceVerifier, AcceptsTheSamePlaceOnly) {
   const auto b = view(furnished(7), T_world_b, 2, 0);
   index.add(*here);
   index.add(*elsewhere);
-  for (const PlaceCandidate& c : index.query(*b, -1, Deadline::never())) {
+  for (const PlaceCandidate& c : index.query(*b, {}, Deadline::never())) {
     verifier.add(c.key == here->key ? *here : *elsewhere, *b, c.guesses, Deadline::never());
   }
   verifier.judge(NoRelations{});
@@ -185,7 +185,7 @@ TEST(PlaceVerifier, SymmetricRoomIsUndecided) {
   const auto a = view(walls, test::camera_at({-1.5, 0.2, 1.2}, 0.1), 1, 0);
   const auto b = view(walls, test::camera_at({-1.2, -0.3, 1.1}, 0.4), 2, 0);
   index.add(*a);
-  const auto& found = index.query(*b, -1, Deadline::never());
+  const auto& found = index.query(*b, {}, Deadline::never());
   ASSERT_EQ(found.size(), 1U);
   verifier.add(*a, *b, found[0].guesses, Deadline::never());
   verifier.judge(NoRelations{});

@@ -1,0 +1,98 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+// The mission on disk: where the run goes on, and what is written down of it.
+#include <algorithm>
+#include <array>
+#include <chrono>
+
+#include "daemon/app.hpp"
+#include "daemon/log.hpp"
+#include "daemon/resume.hpp"
+
+namespace maplet::daemon {
+
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr Duration kSnapshots = 10min;
+
+}  // namespace
+
+JournalWriter::Config journal_config(const Config& config) {
+  const LimitsConfig& limits = config.agent.limits;
+  const auto maplets = static_cast<std::size_t>(limits.own_maplets);
+  const auto half = static_cast<std::size_t>(config.journal.size_mib) << 19;
+  const std::size_t expected = std::min(static_cast<std::size_t>(config.agent.maplet.max_bytes),
+                                        MapletStore::kExpectedBytes);
+  // A quarter of a half at most is carried over when the halves change.
+  return {config.journal.queue_bytes(),
+          {maplets, std::min(maplets * expected, half / 4),
+           std::min(static_cast<std::size_t>(config.exchange.records_kept), half / 8 / 128)}};
+}
+
+void App::open_journal() {
+  for (const std::string& line : state_.said()) log_warning(line);
+  if (state_.mode() == StateDirectory::Mode::kJournal) {
+    journal_ = std::make_unique<JournalWriter>(*state_.file(), state_.survey(),
+                                               Life{identity_.agent, identity_.epoch},
+                                               journal_config(config_), arena_);
+  }
+}
+
+void App::resume_mission() {
+  if (!state_.holds_mission() && state_.imported().empty()) {
+    if (journal_) journal_->put(journal::Part{0, wall_clock_s()});
+    return;
+  }
+  const Resumed resumed = resume(state_, *agent_, radio_.get(),
+                                 static_cast<std::size_t>(config_.agent.limits.own_maplets));
+  log_info(to_line(resumed));
+  auto ends = state_.survey().ends;
+  if (journal_ == nullptr || !state_.holds_mission()) ends = {};  // a new life
+  records_.go_on(ends);
+  const std::uint32_t first = ends[static_cast<std::size_t>(Stream::kMaplets)];
+  agent_->begin_part(first);
+  for (std::size_t i = 0; radio_ && i < kStreams; ++i)
+    radio_->restored(static_cast<Stream>(i), ends[i]);
+  if (journal_) journal_->put(journal::Part{first, wall_clock_s()});
+}
+
+std::int64_t App::wall_clock_s() {
+  return std::chrono::duration_cast<std::chrono::seconds>(
+             std::chrono::system_clock::now().time_since_epoch())
+      .count();
+}
+
+// A piece between two frames: nobody waits for a whole skeleton to be copied.
+void App::note_skeleton(bool all) {
+  if (!journal_) return;
+  const Skeleton& skeleton = agent_->skeleton();
+  if (snapshot_next_ < 0) {
+    const bool due = all || monotonic_.now() - snapshot_at_ > kSnapshots;
+    if (!due || skeleton.node_count() == 0 || skeleton.records_digest() == snapshot_digest_) return;
+    snapshot_at_ = monotonic_.now();
+    snapshot_digest_ = skeleton.records_digest();
+    snapshot_next_ = 0;
+  }
+  do {
+    std::array<journal::NodePose, journal::Poses::kMost> poses;
+    std::size_t count = 0;
+    const bool first = snapshot_next_ == 0;
+    for (; count < poses.size() && snapshot_next_ < skeleton.node_count(); ++count) {
+      const Skeleton::NodeView node = skeleton.node(snapshot_next_++);
+      poses[count] = {node.key, node.gauge, node.T_world_maplet};
+    }
+    journal_->put(journal::Poses{snapshot_digest_, first, std::span{poses}.first(count)});
+    if (snapshot_next_ >= skeleton.node_count()) snapshot_next_ = -1;
+  } while (all && snapshot_next_ >= 0);
+}
+
+void App::close_journal() {
+  constexpr Duration kPatience = 3s;
+  if (!journal_) return;
+  note_skeleton(true);
+  if (!journal_->drain(kPatience))
+    log_warning("the journal's disk did not take everything in time");
+}
+
+}  // namespace maplet::daemon

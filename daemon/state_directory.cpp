@@ -1,0 +1,270 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#include "daemon/state_directory.hpp"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <utility>
+
+#include "daemon/journal/format.hpp"
+
+namespace maplet::daemon {
+
+namespace fs = std::filesystem;
+using journal::PosixFile;
+using journal::Survey;
+
+namespace {
+
+constexpr const char* kImportSuffix = ".imported";
+constexpr const char* kClearMark = "clear-at-start";
+
+std::string newer_version(const std::string& file) {
+  return fmt::format(
+      "--state: {} was written by a newer mapletd: it is left as it is; update mapletd, give "
+      "another --state, or move the file away",
+      file);
+}
+
+bool holds_anything(PosixFile& file) {
+  std::array<std::byte, journal::kPageBytes> page;
+  for (std::uint64_t at = 0; at < journal::kLookaheadPages * page.size(); at += page.size()) {
+    const std::size_t bytes = file.read(at, page);
+    const auto used = std::span{page}.first(bytes);
+    if (std::ranges::any_of(used, [](std::byte b) { return b != std::byte{}; })) return true;
+    if (bytes < page.size()) break;
+  }
+  return false;
+}
+
+Survey survey_of(PosixFile& file) {
+  std::vector<std::byte> buffer(journal::kMaxTurnBytes);
+  return journal::Reader{file, buffer}.survey();
+}
+
+}  // namespace
+
+std::string describe(const journal::Damage& damage) {
+  std::string text;
+  const auto add = [&](const std::string& what) { text += (text.empty() ? "" : ", ") + what; };
+  if (damage.mended_bits > 0) add(fmt::format("{} flipped bit(s) set right", damage.mended_bits));
+  if (damage.turns > 0) add(fmt::format("{} damaged turn(s) dropped", damage.turns));
+  if (damage.malformed > 0) add(fmt::format("{} turn(s) that make no sense", damage.malformed));
+  if (damage.tail_bytes > 0)
+    add(fmt::format("an unfinished write of {} bytes dropped", damage.tail_bytes));
+  if (damage.missing_bytes > 0)
+    add(fmt::format("the file is {} bytes too short", damage.missing_bytes));
+  return text;
+}
+
+tl::expected<Survey, std::string> open_mission(const std::string& path, PosixFile& out) {
+  if (const int error = out.open(path, false); error != 0) {
+    return tl::unexpected{fmt::format("{}: {}", path, std::strerror(error))};
+  }
+  const Survey survey = survey_of(out);
+  if (survey.state == Survey::State::kNewer) return tl::unexpected{newer_version(path)};
+  if (survey.state == Survey::State::kEmpty)
+    return tl::unexpected{fmt::format("{}: holds no mission", path)};
+  return survey;
+}
+
+namespace {
+
+void remove_mission(const std::string& folder) {
+  std::error_code error;
+  std::vector<fs::path> files;
+  for (const auto& entry : fs::directory_iterator{folder, error}) {
+    const fs::path name = entry.path().filename();
+    if (name == kMissionFile || name == kClearMark || name.extension() == kImportSuffix)
+      files.push_back(entry.path());
+  }
+  // The mark last: a power cut in between, and the next start goes on removing.
+  std::ranges::sort(files, [](const fs::path& a, const fs::path& b) {
+    return (a.filename() != kClearMark) > (b.filename() != kClearMark);
+  });
+  for (const fs::path& file : files) {
+    if (file.filename() == kClearMark) (void)journal::flush_folder(folder);
+    if (!error) fs::remove(file, error);
+  }
+  (void)journal::flush_folder(folder);
+}
+
+}  // namespace
+
+bool clear_mission(const std::string& folder) {
+  // The mark first: whatever happens next, the mission is over.
+  const int mark =
+      ::open((folder + "/" + kClearMark).c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0640);
+  if (mark >= 0) close(mark);
+  (void)journal::flush_folder(folder);
+  const int fd = ::open((folder + "/lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0640);
+  const bool ours = fd >= 0 && flock(fd, LOCK_EX | LOCK_NB) == 0;
+  if (ours) remove_mission(folder);
+  if (fd >= 0) close(fd);
+  return ours;
+}
+
+StateDirectory::StateDirectory(StateDirectory&& other) noexcept
+    : mode_{other.mode_},
+      path_{std::move(other.path_)},
+      lock_fd_{std::exchange(other.lock_fd_, -1)},
+      error_{other.error_},
+      file_{std::move(other.file_)},
+      survey_{other.survey_},
+      said_{std::move(other.said_)},
+      imported_{std::move(other.imported_)} {}
+
+StateDirectory& StateDirectory::operator=(StateDirectory&& other) noexcept {
+  std::swap(mode_, other.mode_);
+  std::swap(path_, other.path_);
+  std::swap(lock_fd_, other.lock_fd_);
+  std::swap(error_, other.error_);
+  std::swap(file_, other.file_);
+  std::swap(survey_, other.survey_);
+  std::swap(said_, other.said_);
+  std::swap(imported_, other.imported_);
+  return *this;
+}
+
+StateDirectory::~StateDirectory() {
+  if (lock_fd_ >= 0) close(lock_fd_);
+}
+
+void StateDirectory::fall_back(Mode mode, const std::string& why) {
+  mode_ = mode;
+  said_.push_back(fmt::format("--state {}: {}; the mission goes on in memory", path_, why));
+}
+
+bool StateDirectory::lock() {
+  const std::string file = path_ + "/lock";
+  lock_fd_ = ::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0640);
+  if (lock_fd_ < 0) {
+    error_ = errno;
+    return true;  // a folder that nobody can write
+  }
+  if (flock(lock_fd_, LOCK_EX | LOCK_NB) != 0) return false;
+  const std::string pid = std::to_string(getpid()) + "\n";
+  if (ftruncate(lock_fd_, 0) != 0 || write(lock_fd_, pid.data(), pid.size()) < 0) error_ = errno;
+  return true;
+}
+
+void StateDirectory::clear_if_asked() {
+  if (lock_fd_ >= 0 && fs::exists(path_ + "/" + kClearMark)) remove_mission(path_);
+}
+
+bool StateDirectory::open_file(bool write) {
+  file_ = std::make_unique<PosixFile>();
+  error_ = file_->open(path_ + "/" + kMissionFile, write);
+  if (error_ != 0) file_.reset();
+  return error_ == 0;
+}
+
+tl::expected<void, StateDirectory::Refusal> StateDirectory::look(std::uint16_t agent) {
+  const std::string file = path_ + "/" + kMissionFile;
+  survey_ = survey_of(*file_);
+  if (survey_.state == Survey::State::kNewer) {
+    return tl::unexpected{Refusal{newer_version(file), true}};
+  }
+  if (survey_.state == Survey::State::kGood && survey_.life.agent != agent) {
+    return tl::unexpected{Refusal{
+        fmt::format(
+            "--state: {} is the mission of agent {}, and this is agent {}: it is left as it "
+            "is; give --agent {}, another --state, or take it in with mapletctl mission "
+            "import",
+            file, survey_.life.agent, agent, survey_.life.agent),
+        true}};
+  }
+  if (const std::string damage = describe(survey_.damage); !damage.empty())
+    said_.push_back(fmt::format("{}: {}", file, damage));
+  return {};
+}
+
+void StateDirectory::set_aside() {
+  const std::string file = path_ + "/" + kMissionFile;
+  file_.reset();
+  std::error_code error;
+  fs::rename(file, file + ".damaged", error);
+  said_.push_back(
+      fmt::format("{}: no turn of it can be read: it is now {}.damaged, and a new "
+                  "mission begins",
+                  file, file));
+  (void)open_file(true);
+}
+
+void StateDirectory::make_room(std::uint64_t bytes) {
+  const bool fresh = !holds_mission();
+  if (!fresh) bytes = 2 * std::uint64_t{survey_.half_pages} * journal::kPageBytes;
+  const int error = file_->reserve(bytes);
+  if (error == 0) {
+    survey_.half_pages =
+        fresh ? static_cast<std::uint32_t>(bytes / 2 / journal::kPageBytes) : survey_.half_pages;
+    (void)journal::flush_folder(path_);
+    mode_ = Mode::kJournal;
+    return;
+  }
+  if (fresh) {
+    file_.reset();
+    std::error_code ignored;
+    fs::remove(path_ + "/" + kMissionFile, ignored);
+  }
+  fall_back(fresh ? Mode::kMemory : Mode::kReadOnly,
+            fmt::format("no room for {} MiB ({})", bytes >> 20, std::strerror(error)));
+}
+
+void StateDirectory::list_imported() {
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator{path_, error}) {
+    if (entry.path().extension() == kImportSuffix) imported_.push_back(entry.path().string());
+  }
+  std::ranges::sort(imported_);
+}
+
+tl::expected<StateDirectory, StateDirectory::Refusal> StateDirectory::open(const std::string& path,
+                                                                           std::uint16_t agent,
+                                                                           std::uint64_t bytes) {
+  StateDirectory state{path};
+  if (path.empty()) return state;
+  std::error_code error;
+  fs::create_directories(path, error);
+  if (error && !fs::is_directory(path)) {
+    state.fall_back(Mode::kMemory, error.message());
+    return state;
+  }
+  if (!state.lock()) {
+    return tl::unexpected{Refusal{
+        fmt::format("--state {}: another mapletd works with it: stop that one, or give another "
+                    "--state",
+                    path),
+        false}};
+  }
+  state.clear_if_asked();
+  state.list_imported();
+  const int no_lock = state.lock_fd_ < 0 ? state.error_ : 0;
+  const bool writable = no_lock == 0 && state.open_file(true);
+  const int why = no_lock != 0 ? no_lock : state.error_;
+  if (!writable && !state.open_file(false)) {
+    state.fall_back(Mode::kMemory, std::strerror(why));
+    return state;
+  }
+  if (const auto looked = state.look(agent); !looked) return tl::unexpected{looked.error()};
+  if (!writable) {
+    state.fall_back(Mode::kReadOnly, std::strerror(why));
+    return state;
+  }
+  if (!state.holds_mission() && holds_anything(*state.file_)) state.set_aside();
+  if (state.file_) {
+    state.make_room(bytes);
+  } else {
+    state.fall_back(Mode::kMemory, std::strerror(state.error_));
+  }
+  return state;
+}
+
+}  // namespace maplet::daemon
