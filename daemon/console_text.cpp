@@ -67,6 +67,8 @@ std::string Console::status_text() const {
                          ? nullptr
                          : std::make_unique<RadioStatus>(about_us_.radio->status());
   Json json = status_json(about_us_.board.read(), about_us_.memory, radio.get());
+  json["agent"] = about_us_.identity.agent;  // known before the first status is
+  json["epoch"] = about_us_.identity.epoch;
   if (about_us_.journal != nullptr) json["journal"] = journal_json(about_us_.journal->status());
   if (about_us_.state != nullptr) json["journal"]["directory"] = about_us_.state->path();
   if (about_us_.gpio != nullptr) json["gpio"] = gpio_json(about_us_.gpio->status());
