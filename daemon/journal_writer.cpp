@@ -65,6 +65,8 @@ JournalWriter::JournalWriter(journal::BlockFile& file, const journal::Survey& su
       queue_{config.queue_bytes},
       capacity_{config.queue_bytes} {
   status_.state = JournalStatus::State::kOn;
+  budget_.wrote(static_cast<std::size_t>(journal::FlushBudget::kMost) -
+                journal::kPageBytes);  // one page to begin with
   if (survey.state == journal::Survey::State::kGood) {
     good_ = store_.go_on(survey, config_.keep);
     turn_.know_ends(survey.ends);
