@@ -31,23 +31,27 @@ AgentConfig agent_config(const Config& config) {
 
 }  // namespace
 
-App::App(const Options& options, const Config& config, StateDirectory state)
+App::App(const Options& options, const Config& config, StateDirectory state,
+         std::optional<Flight> flight)
     : options_{options},
       config_{config},
       state_{std::move(state)},
-      identity_{options.agent, epoch_of(options, config, state_)},
+      replayed_{std::move(flight)},
+      identity_{replayed_ ? replayed_->identity
+                          : AgentIdentity{options.agent, epoch_of(options, config, state_)}},
       records_{identity_},
       agent_{
           arena_.make<Agent>("agent", agent_config(config), identity_, meters_, records_, arena_)},
-      pace_{pace_of(options, config)},
+      pace_{replayed_ ? replayed_->pace : pace_of(options, config)},
       live_{config,
             [this](const Config& changed) {
               if (radio_) radio_->adjust(changed);
             }},
-      start_{monotonic_.now()},
       budget_{config.agent.frame.budget},
       given_{budget_} {
-  if (pace_ != Pace::kFast)
+  if (replayed_) flight_.replay(std::move(replayed_->file));
+  agent_->use_clock(flight_);
+  if (pace_ != Pace::kFast && !replayed_)
     frames_ = std::make_unique<FramePool>(config.agent.limits.image().pixels());
   if (options.dds) radio_ = std::make_unique<RadioLink>(config, identity_, arena_);
   open_journal();
@@ -63,6 +67,8 @@ int App::run() {
       !allowed("memory is not locked: grant LimitMEMLOCK (ulimit -l)")) {
     return kExitFailure;
   }
+  if (!open_recorder()) return kExitFailure;
+  start_ = flight_.now();
   resume_mission();
   if (journal_) journal_->start(radio_.get());
   if (const int exit_code = open(); exit_code != kExitDone) return exit_code;
@@ -74,6 +80,8 @@ int App::run() {
   start_counting_allocations();
   notify_ready();
   const bool ended_well = loop();
+  flight_.note_stop(source_counters());
+  flight_.replayed_stop(gone_);
   stop_counting_allocations();
   notify_stopping();
   totals_.complete = ended_well && !stop_asked();
@@ -82,25 +90,26 @@ int App::run() {
                             totals_.processed));
   }
   const int finished = finish();
+  if (flight_.recording()) flight_.flush();
   return ended_well ? finished : kExitFailure;
 }
 
 bool App::loop() {
   Progress progress{"mapping", source_ ? source_->length() : std::nullopt};
-  while (!stop_asked()) {
+  while (!over()) {
     heart_.beat();
     if (gpio_ && gpio_->held()) stay_held();
     DepthFrame frame;
     switch (read(frame)) {
       case Read::kEnd:
-        if (!output_) rest();
+        if (!finite()) rest();
         return true;
       case Read::kFailed:
-        if (output_ || open_source(true) != kExitDone) return false;
+        if (finite() || open_source(true) != kExitDone) return false;
         break;
       case Read::kNothing:  // for a second already
         listen(kMeetings);
-        settle(Deadline{monotonic_, 1s});
+        settle(Deadline{flight_, 1s});
         break;
       case Read::kFrame:
         if (pace_ != Pace::kFast && governor_.skips()) {
@@ -117,19 +126,19 @@ bool App::loop() {
 App::Read App::read(DepthFrame& frame) {
   constexpr Duration kPatience = std::chrono::seconds{1};
   constexpr int kMaxTimeouts = 5;  // a finite run does not wait for ever
-  const auto next = [&] {
-    if (capture_ != nullptr) return capture_->next(Deadline{monotonic_, kPatience});
+  const auto next = flight_.frame([&]() -> Expected<DepthFrame> {
+    if (capture_ != nullptr) return capture_->next(Deadline{machine_, kPatience});
     const StageScope scope{meters_, Stage::kSource, kPatience};
     const ThirdPartyScope theirs;  // decoding a recording allocates in its libraries
     const Heartbeat::Waiting waiting{heart_};
-    return source_->next(Deadline{monotonic_, kPatience});
-  }();
-  say_detail();
+    return source_->next(Deadline{machine_, kPatience});
+  });
+  if (!replayed_) say_detail();
   if (next) {
     if (capture_ != nullptr) {
       const ReadCost cost = capture_->cost();
       meters_.add(Stage::kSource, cost.wall, cost.cpu, kPatience);
-      if (cost.came) latency_.add(monotonic_.now() - *cost.came);
+      if (cost.came) latency_.add(machine_.now() - *cost.came);
     }
     frame = *next;
     timeouts_ = 0;
@@ -139,39 +148,41 @@ App::Read App::read(DepthFrame& frame) {
     case ErrorCode::kEnd:
       return Read::kEnd;
     case ErrorCode::kTimeout:
-      if (++timeouts_ < kMaxTimeouts || !output_) return Read::kNothing;
+      if (++timeouts_ < kMaxTimeouts || !finite()) return Read::kNothing;
       log_error(config_.input.source + ": no frame for 5 s; check the device or the recording");
       return Read::kFailed;
     default: {
       const Line text = line("{}: {}", config_.input.source, next.error().what);
-      output_ ? log_error(view(text)) : warnings_.say(view(text));
+      finite() ? log_error(view(text)) : warnings_.say(view(text));
       return Read::kFailed;
     }
   }
 }
 
 void App::process(const DepthFrame& frame) {
-  budget_ = live_.frame_budget();
+  budget_ = flight_.budget(live_.frame_budget());
   if (const Duration given = governor_.budget(budget_); given != given_) {
     given_ = given;
     agent_->set_budget(given);
   }
   Step step;
-  const Instant begin = monotonic_.now();
+  const Instant begin = flight_.now();
   {
     const StageScope scope{meters_, Stage::kFrame, budget_};
     step = agent_->step(frame, deadline(given_));
   }
-  if (pace_ != Pace::kFast) governor_.done(monotonic_.now() - begin, budget_);
+  if (pace_ != Pace::kFast) governor_.done(flight_.now() - begin, budget_);
   last_stamp_ = frame.stamp;
   say_tracking(step.track);
   totals_.add(step);
-  if (output_) output_->frame(step);
+  if (output_) {
+    output_->frame(frame.index, step, digest_of(step, records_.pending(), agent_->skeleton()));
+  }
   hand_out(step.closed);
   note_skeleton(false);
   listen(1);
-  if (pace_ != Pace::kFast) settle(Deadline{monotonic_, budget_ - (monotonic_.now() - begin)});
-  if (monotonic_.now() - last_status_ >= std::chrono::seconds{1}) {
+  if (pace_ != Pace::kFast) settle(Deadline{flight_, budget_ - (flight_.now() - begin)});
+  if (flight_.now() - last_status_ >= std::chrono::seconds{1}) {
     publish_status(governor_.degraded() ? StatusRecord::State::kDegraded
                                         : StatusRecord::State::kRunning);
   }
@@ -202,7 +213,7 @@ void App::stay_held() {
   while (gpio_->held() && !stop_asked()) {
     heart_.beat();
     listen(kMeetings);
-    if (monotonic_.now() - last_status_ >= 1s) publish_status(StatusRecord::State::kHeld);
+    if (flight_.now() - last_status_ >= 1s) publish_status(StatusRecord::State::kHeld);
     std::this_thread::sleep_for(20ms);
   }
   if (capture_ != nullptr) capture_->hold(false);

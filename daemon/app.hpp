@@ -12,6 +12,8 @@
 #include "daemon/capture_thread.hpp"
 #include "daemon/config.hpp"
 #include "daemon/console.hpp"
+#include "daemon/flight_log.hpp"
+#include "daemon/flight_setup.hpp"
 #include "daemon/governor.hpp"
 #include "daemon/gpio_panel.hpp"
 #include "daemon/heartbeat.hpp"
@@ -25,6 +27,7 @@
 #include "daemon/radio_link.hpp"
 #include "daemon/run_output.hpp"
 #include "daemon/run_totals.hpp"
+#include "daemon/signals.hpp"
 #include "daemon/stage_stats.hpp"
 #include "daemon/state_directory.hpp"
 #include "daemon/status_board.hpp"
@@ -44,7 +47,8 @@ inline constexpr int kExitUsage = 2;
 /// what is there is written.
 class App {
  public:
-  App(const Options& options, const Config& config, StateDirectory state);
+  App(const Options& options, const Config& config, StateDirectory state,
+      std::optional<Flight> flight);
   ~App();
 
   /// @return the process's exit code
@@ -73,7 +77,7 @@ class App {
   void process(const DepthFrame& frame);
   /// Of work with this budget: in fast pace none at all.
   [[nodiscard]] Deadline deadline(Duration budget) const noexcept {
-    return pace_ == Pace::kFast ? Deadline::never() : Deadline{monotonic_, budget};
+    return pace_ == Pace::kFast ? Deadline::never() : Deadline{flight_, budget};
   }
   void hand_out(const MapletCut* closed);
   void listen(int meetings);  // to what others found out
@@ -88,6 +92,17 @@ class App {
   void say_tracking(const Track& track) noexcept;
   void set_tracking(bool tracking) noexcept;  // as the lines show it
   void stay_held();                           // while the switch is on
+
+  /// Others are listened to: there is a link, or was in the run that is replayed.
+  [[nodiscard]] bool linked() const noexcept {
+    return replayed_ ? replayed_->radio : radio_ != nullptr;
+  }
+  /// A run to the end of its source; of a replay: what ran was.
+  [[nodiscard]] bool finite() const noexcept {
+    return replayed_ ? replayed_->finite : output_ != nullptr;
+  }
+  [[nodiscard]] bool over() const noexcept { return stop_asked() || flight_.over(); }
+  [[nodiscard]] bool open_recorder();
 
   // app_journal.cpp
   void open_journal();
@@ -111,12 +126,15 @@ class App {
 
   // app_finish.cpp: the end of a finite run.
   [[nodiscard]] int finish();
+  void linger();
   [[nodiscard]] bool draw();
   [[nodiscard]] bool write_report();
 
   const Options& options_;
   const Config& config_;
   StateDirectory state_;
+  std::optional<Flight> replayed_;  ///< the run that is replayed
+  FlightLog flight_;                ///< the clock, and all else that comes from outside
   AgentIdentity identity_;
   Arena arena_;
   StageMeters meters_;
@@ -134,13 +152,13 @@ class App {
   std::unique_ptr<DdsPublisher> publisher_;
   std::unique_ptr<RadioLink> radio_;
   std::unique_ptr<JournalWriter> journal_;  ///< tells the radio: ends before it
+  MonotonicClock machine_;                  ///< for what decides nothing
   LiveConfig live_;
   StatusBoard board_;
   std::unique_ptr<MemoryStatus> memory_;
   Heartbeat heart_;                   ///< of the loop
   std::unique_ptr<GpioPanel> gpio_;   ///< looks at the heart; none where no line is used
   std::unique_ptr<Console> console_;  ///< asks the radio and the panel: ends before them
-  MonotonicClock monotonic_;
   Instant start_;
   Duration budget_;  ///< of a frame
   Duration given_;   ///< of it, what the governor lets the stages have

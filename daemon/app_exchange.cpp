@@ -39,7 +39,7 @@ void App::publish(const Record& record) {
 void App::hand_out(const MapletCut* closed) {
   const StageScope scope{meters_, Stage::kExchange, budget_};
   if (closed != nullptr || !records_.pending().empty() || !records_.pending_ranges().empty())
-    last_news_ = monotonic_.now();
+    last_news_ = flight_.now();
   if (closed != nullptr) {
     if (output_) output_->maplet(*closed);
     publish(record_of(*closed));
@@ -68,10 +68,11 @@ void App::hand_out(const MapletCut* closed) {
 
 void App::listen(int meetings) {
   if (console_) console_->attend(*agent_, Deadline::never());
-  if (!radio_ && !agent_->encounters().busy()) return;
+  flight_.repeat_operators(*agent_);
+  if (!linked() && !agent_->encounters().busy()) return;
   const StageScope scope{meters_, Stage::kExchange, budget_};
   const Deadline until = deadline(budget_);
-  if (radio_) hear_others(until);
+  if (linked()) hear_others(until);
   for (int i = 0; i < meetings; ++i) {
     const bool more = agent_->meet(until);
     hand_out(nullptr);
@@ -82,34 +83,36 @@ void App::listen(int meetings) {
 
 void App::hear_others(Deadline until) {
   constexpr int kAtOnce = 16;
-  radio_->set_record_clock(last_stamp_);
-  if (gpio_) radio_->set_clock_rate(gpio_->clock_rate());
+  if (radio_) radio_->set_record_clock(last_stamp_);
+  if (radio_ && gpio_) radio_->set_clock_rate(gpio_->clock_rate());
   DeltaPoseRecord record;
-  for (int i = 0; i < kAtOnce && radio_->heard(record); ++i) {
+  for (int i = 0; i < kAtOnce && flight_.heard(record, [&] { return radio_->heard(record); });
+       ++i) {
     (void)agent_->hear(restore(record), until);
     if (journal_) journal_->put(record);
-    last_news_ = monotonic_.now();
+    last_news_ = flight_.now();
   }
   RangeRecord range;
-  for (int i = 0; i < kAtOnce && radio_->heard(range); ++i) {
+  for (int i = 0; i < kAtOnce && flight_.heard(range, [&] { return radio_->heard(range); }); ++i) {
     (void)agent_->hear(restore(range), until);
     if (journal_) journal_->put(range);
-    last_news_ = monotonic_.now();
+    last_news_ = flight_.now();
   }
   take_ranges();
   say_what_is_near();
   agent_->place_range(until);
   if (!records_.pending_ranges().empty()) hand_out(nullptr);
   MapletKey key;
-  if (const std::size_t bytes = radio_->heard_maplet(key, maplet_bytes_)) {
+  if (const std::size_t bytes = flight_.heard_maplet(
+          key, maplet_bytes_, [&] { return radio_->heard_maplet(key, maplet_bytes_); })) {
     (void)agent_->hear(key, std::span{maplet_bytes_}.first(bytes));
   }
 }
 
 void App::say_what_is_near() {
   constexpr Duration kEvery = 2s;
-  if (monotonic_.now() - last_near_ < kEvery) return;
-  last_near_ = monotonic_.now();
+  if (flight_.now() - last_near_ < kEvery) return;
+  last_near_ = flight_.now();
   std::array<MapletKey, 32> near;
   const std::size_t count = agent_->expected_near(near);
   const Skeleton& skeleton = agent_->skeleton();
@@ -122,12 +125,12 @@ void App::say_what_is_near() {
     if (std::ranges::find(related, node.key.agent) == related.end())
       related.push_back(node.key.agent);
   }
-  radio_->set_near(std::span{near}.first(count), {related.data(), related.size()});
+  if (radio_) radio_->set_near(std::span{near}.first(count), {related.data(), related.size()});
 }
 
 void App::take_ranges() {
   RangeReport report;
-  while (publisher_ && publisher_->measured(report)) {
+  while (flight_.heard(report, [&] { return publisher_ && publisher_->measured(report); })) {
     RangeToAgent range;
     range.other = report.other;
     range.stamp = report.stamp;
@@ -135,15 +138,17 @@ void App::take_ranges() {
                       report.sigma_m,
                       {report.bearing[0], report.bearing[1], report.bearing[2]},
                       report.bearing_sigma_rad};
-    range.clock_offset = radio_->clock_offset(report.other).value_or(Duration{});
+    const auto offset = radio_ ? radio_->clock_offset(report.other) : std::nullopt;
+    range.clock_offset = flight_.offset(offset).value_or(Duration{});
     agent_->measured(range);
   }
 }
 
 void App::settle(Deadline spare) {
   constexpr Duration kQuiet = 1s;
-  if (agent_->settled() || monotonic_.now() - last_news_ < kQuiet) return;
-  if (agent_->encounters().busy() || (radio_ && radio_->hears_more())) return;
+  if (agent_->settled() || flight_.now() - last_news_ < kQuiet) return;
+  if (agent_->encounters().busy()) return;
+  if (linked() && flight_.flag(radio_ && radio_->hears_more())) return;
   const Heartbeat::Waiting long_work{heart_};
   (void)agent_->settle(spare);
 }
@@ -154,12 +159,12 @@ void App::rest() {
     hand_out(closed);
   }
   log_info(config_.input.source + " is over: exchanging until stopped");
-  while (!stop_asked()) {
+  while (!over()) {
     heart_.beat();
     listen(kMeetings);
     settle(Deadline::never());
-    if (monotonic_.now() - last_status_ >= 1s) publish_status(StatusRecord::State::kRunning);
-    std::this_thread::sleep_for(50ms);
+    if (flight_.now() - last_status_ >= 1s) publish_status(StatusRecord::State::kRunning);
+    if (!replayed_) std::this_thread::sleep_for(50ms);
   }
 }
 

@@ -30,6 +30,18 @@ std::string short_name(const std::string& uri) {
 
 }  // namespace
 
+// While others are heard. A replay listens as often.
+void App::linger() {
+  if (!linked() || !finite()) return;
+  if (radio_) {
+    radio_->linger(config_.exchange.linger, [this] {
+      flight_.note_mark();
+      listen(kMeetings);
+    });
+  }
+  while (flight_.take(flight::Event::kMark)) listen(kMeetings);
+}
+
 int App::finish() {
   if (const MapletCut* closed = agent_->finish(Deadline::never())) {
     totals_.add(*closed);
@@ -37,7 +49,7 @@ int App::finish() {
   }
   publish_status(StatusRecord::State::kStopping);
   close_journal();
-  if (radio_ && output_) radio_->linger(config_.exchange.linger, [this] { listen(kMeetings); });
+  linger();
   const Duration patience = output_ ? kFlushTime : kServiceFlushTime;
   if (publisher_ && publisher_->open() && !publisher_->flush(patience)) {
     log_warning("a subscriber did not take everything in time");
@@ -68,8 +80,9 @@ int App::finish() {
 
 bool App::draw() {
   // The headline is the source's, not the folder's: two runs give the same bytes.
-  std::vector<std::string> arguments{"draw", output_->folder().string(), "--title",
-                                     "Map of " + short_name(config_.input.source)};
+  std::vector<std::string> arguments{
+      "draw", output_->folder().string(), "--title",
+      "Map of " + short_name(replayed_ ? replayed_->source : config_.input.source)};
   if (const auto& up = config_.body.up) {
     arguments.insert(arguments.end(),
                      {"--up", fmt::format("{},{},{}", (*up)[0], (*up)[1], (*up)[2])});

@@ -68,9 +68,9 @@ void App::note_skeleton(bool all) {
   if (!journal_) return;
   const Skeleton& skeleton = agent_->skeleton();
   if (snapshot_next_ < 0) {
-    const bool due = all || monotonic_.now() - snapshot_at_ > kSnapshots;
+    const bool due = all || flight_.now() - snapshot_at_ > kSnapshots;
     if (!due || skeleton.node_count() == 0 || skeleton.records_digest() == snapshot_digest_) return;
-    snapshot_at_ = monotonic_.now();
+    snapshot_at_ = flight_.now();
     snapshot_digest_ = skeleton.records_digest();
     snapshot_next_ = 0;
   }

@@ -25,7 +25,7 @@ int App::open() {
     return kExitUsage;
   }
   // A finite run has its source before it touches the folder: a typing error spoils nothing.
-  const bool finite = !options_.out.empty();
+  const bool finite = !options_.out.empty();  // of this process
   if (!open_gray()) return kExitFailure;
   if (finite) {
     if (const int exit_code = open_source(false); exit_code != kExitDone) return exit_code;
@@ -58,7 +58,29 @@ int App::open() {
   return finite ? kExitDone : open_source(false);
 }
 
+bool App::open_recorder() {
+  if (config_.recorder.file.empty() || replayed_) return true;
+  const std::size_t pixels = config_.agent.limits.image().pixels();
+  auto writer = start_recording(config_, identity_, pace_, radio_ != nullptr, !options_.out.empty(),
+                                state_.holds_mission() || !state_.imported().empty());
+  if (!writer) {
+    log_error("recorder.file: " + writer.error());
+    return false;
+  }
+  // A run at its own pace waits for the recorder's disk; others never do.
+  flight_.record(std::move(*writer), pace_ == Pace::kFast, pixels);
+  return true;
+}
+
 int App::open_source(bool again) {
+  if (replayed_) {  // what the run did while it waited for its camera
+    while (flight_.take(flight::Event::kMark)) {
+      listen(kMeetings);
+      settle(Deadline::never());
+    }
+    if (!source_) source_ = std::make_unique<NoSource>();
+    return kExitDone;
+  }
   const ThirdPartyScope theirs;  // opening is a driver's business, and rare
   close_source();                // a camera opens once
   set_tracking(false);
@@ -90,6 +112,7 @@ int App::open_source(bool again) {
     for (int i = 0; i < 10; ++i) {
       if (stop_asked()) return kExitDone;
       heart_.beat();
+      flight_.note_mark();
       listen(kMeetings);
       settle(Deadline::never());
       std::this_thread::sleep_for(std::chrono::milliseconds{100});
@@ -142,7 +165,7 @@ void App::take_source(std::unique_ptr<DepthSource> source) {
 }
 
 bool App::open_gray() {
-  if (!config_.gray.used() || pace_ != Pace::kLive) return true;
+  if (replayed_ || !config_.gray.used() || pace_ != Pace::kLive) return true;
   auto opened = open_libcamera(*gray_options(config_.gray));
   if (!opened) {
     log_error("gray_camera.source: " + opened.error());
@@ -153,7 +176,7 @@ bool App::open_gray() {
 }
 
 bool App::open_gpio() {
-  if (!config_.gpio.used() || pace_ == Pace::kFast) return true;
+  if (replayed_ || !config_.gpio.used() || pace_ == Pace::kFast) return true;
   gpio_ = std::make_unique<GpioPanel>(config_.gpio, heart_);
   for (const std::string& missing : gpio_->open()) {
     if (config_.gpio.required) {
@@ -186,10 +209,10 @@ void App::reload() {
 }
 
 void App::open_console() {
-  if (config_.control.socket == "none") return;
+  if (config_.control.socket == "none" || replayed_) return;
   console_ = std::make_unique<Console>(Console::Subjects{identity_, board_, *memory_, live_,
                                                          radio_.get(), gpio_.get(), gray_.get(),
-                                                         journal_.get(), &state_});
+                                                         journal_.get(), &state_, &flight_});
   if (const std::string problem = console_->open(config_.control.socket); !problem.empty()) {
     log_warning(problem);
     console_.reset();

@@ -10,7 +10,7 @@ namespace maplet::daemon {
 using namespace std::chrono_literals;
 
 void App::publish_status(StatusRecord::State state) {
-  last_status_ = monotonic_.now();
+  last_status_ = flight_.now();
   const StatusRecord record = status(state);
   const auto us = [this](double share) {
     return static_cast<std::uint32_t>(latency_.percentile(share) / 1us);

@@ -8,6 +8,7 @@
 #include "daemon/gpio_config.hpp"
 #include "daemon/gray_config.hpp"
 #include "daemon/journal_config.hpp"
+#include "daemon/recorder_config.hpp"
 #include "transport/dds/config.hpp"
 #include "transport/dds/radio_config.hpp"
 #include "transport/sync/sync_config.hpp"
@@ -132,6 +133,7 @@ struct Config {
   SyncConfig exchange;
   ControlConfig control;
   JournalConfig journal;
+  RecorderConfig recorder;
   RealtimeConfig realtime;
   GpioConfig gpio;
   GrayConfig gray;

@@ -208,6 +208,7 @@ const std::vector<ConfigKey>& config_keys() {
     MAPLET_SECTION("exchange", exchange);
     MAPLET_SECTION("control", control);
     MAPLET_SECTION("journal", journal);
+    MAPLET_SECTION("recorder", recorder);
     MAPLET_SECTION("realtime", realtime);
     MAPLET_SECTION("gpio", gpio);
     return keys;

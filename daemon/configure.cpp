@@ -1,6 +1,7 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #include "daemon/configure.hpp"
 
+#include "daemon/flight_setup.hpp"
 #include "drivers/open_source.hpp"
 
 namespace maplet::daemon {
@@ -8,6 +9,7 @@ namespace maplet::daemon {
 tl::expected<Config, ConfigError> configure(const Options& options) {
   auto config = options.config_file.empty() ? tl::expected<Config, ConfigError>{Config{}}
                                             : load_config(options.config_file);
+  if (is_record(options.source) && options.config_file.empty()) config = recorded_config(options.source);
   for (const std::string& assignment : options.overrides) {
     if (!config) break;
     if (const auto set = set_key(*config, assignment); !set) return tl::unexpected{set.error()};

@@ -109,6 +109,7 @@ void Console::add_closure(Agent& agent, Deadline deadline) noexcept {
   if (!find_named(agent.skeleton(), closure.a, closure.b)) return;
   closure.T_a_b.se3 = new_closure_.T_a_b;
   closure.covariance.diagonal() << 1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3;
+  if (about_us_.flight != nullptr) about_us_.flight->said(closure);
   added_ = agent.say(closure, deadline) ? AddedClosure::kAdded : AddedClosure::kRefused;
 }
 
@@ -117,6 +118,7 @@ void Console::decide_closure(Agent& agent, Deadline deadline) noexcept {
   MapletKey b;
   decided_ = -1;
   if (!find_named(agent.skeleton(), a, b)) return;
+  if (about_us_.flight != nullptr) about_us_.flight->decided(a, b, accept_);
   decided_ = agent.decide(a, b, accept_, deadline);
   if (decided_ > 0 && about_us_.journal != nullptr)
     about_us_.journal->put(journal::Decision{a, b, accept_});

@@ -12,6 +12,7 @@
 
 #include "core/agent/agent.hpp"
 #include "daemon/control_server.hpp"
+#include "daemon/flight_log.hpp"
 #include "daemon/gpio_panel.hpp"
 #include "daemon/journal_writer.hpp"
 #include "daemon/live_config.hpp"
@@ -43,6 +44,7 @@ class Console {
     const GrayCamera* gray = nullptr;  ///< nullptr: none beside the depth camera
     JournalWriter* journal = nullptr;  ///< nullptr: the mission is in memory only
     const StateDirectory* state = nullptr;
+    FlightLog* flight = nullptr;
   };
   explicit Console(const Subjects& subjects) noexcept : about_us_{subjects} {}
 
@@ -116,6 +118,7 @@ class Console {
   [[nodiscard]] static NewClosure named(const nlohmann::ordered_json& question);
   [[nodiscard]] std::string status_text() const;  // status_text.cpp
   [[nodiscard]] std::string mission_text() const;
+  [[nodiscard]] std::string recorder_text(const std::string& file) const;
   [[nodiscard]] std::string peers_text() const;
   [[nodiscard]] std::string why_text(int agent);
   [[nodiscard]] std::string closures_text();

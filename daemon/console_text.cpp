@@ -48,6 +48,7 @@ std::string Console::reply(const std::string& line) {
   if (command == "status") return status_text();
   if (command == "peers") return peers_text();
   if (command == "mission") return mission_text();
+  if (command == "recorder") return recorder_text(question.value("out", std::string{}));
   if (command == "closures") return closures_text();
   if (command == "maplets") return maplets_text();
   if (command == "add") return add_text(line);
@@ -83,6 +84,18 @@ std::string Console::mission_text() const {
   json["epoch"] = about_us_.identity.epoch;
   json["directory"] = about_us_.state != nullptr ? about_us_.state->path() : "";
   return json.dump();
+}
+
+std::string Console::recorder_text(const std::string& file) const {
+  FlightWriter* writer = about_us_.flight != nullptr ? about_us_.flight->writer() : nullptr;
+  if (writer == nullptr) {
+    return error("that mapletd records nothing: set recorder.file in its configuration").dump();
+  }
+  if (file.empty()) return error("recorder: name a file").dump();
+  const bool whole = !writer->ended();
+  if (const std::string problem = writer->save(file); !problem.empty())
+    return error(problem).dump();
+  return Json{{"file", file}, {"whole", whole}}.dump();
 }
 
 std::string Console::peers_text() const {

@@ -20,12 +20,20 @@ using namespace maplet::daemon;
 
 int run(const Options& options, const Config& config) {
   const std::uint64_t bytes = static_cast<std::uint64_t>(config.journal.size_mib) << 20;
-  auto state = StateDirectory::open(options.state, options.agent, bytes);
+  auto flight = open_flight(config);
+  if (!flight) {
+    fmt::print(stderr, "mapletd: {}\n", flight.error());
+    return kExitFailure;
+  }
+  const bool replays = flight->has_value();  // what ran went without, or with its own
+  auto state = StateDirectory::open(replays ? "" : options.state, options.agent, bytes);
   if (!state) {
     fmt::print(stderr, "mapletd: {}\n", state.error().what);
     return state.error().usage ? kExitUsage : kExitFailure;
   }
-  return App{options, config, std::move(*state)}.run();
+  Options how = options;
+  if (replays) how.dds = false;
+  return App{how, config, std::move(*state), std::move(*flight)}.run();
 }
 
 int run(int argc, char** argv) {

@@ -45,6 +45,10 @@ void add_beside(MemoryLedger& ledger, const Config& config, MemoryParts parts) {
       (config.gpio.used() ? 1 : 0) + (config.gray.used() ? 1 : 0) + (parts.journal ? 1 : 0);
   add(ledger, "threads/ours, stacks", kOwnThreads + more, kStackBytes);
   add(ledger, "runtime", 1, kRuntimeBytes);
+  if (!config.recorder.file.empty()) {
+    const auto queue = static_cast<std::size_t>(config.recorder.queue_kib) * kKiB;
+    add(ledger, "recorder/queue and two items", 3, queue);
+  }
   if (parts.journal) {
     add(ledger, "journal/queue", 1, JournalWriter::bytes_beside(config.journal.queue_bytes()));
   }

@@ -127,6 +127,7 @@ tl::expected<std::unique_ptr<RunOutput>, std::string> RunOutput::create(const st
   const bool opened = !error &&
                       output->odometry_.open((output->folder_ / "odometry.tum").c_str()) &&
                       output->delta_poses_.open((output->folder_ / "delta_poses.jsonl").c_str()) &&
+                      output->digests_.open((output->folder_ / "frames.digest").c_str()) &&
                       output->frames_.open((output->folder_ / kFramesFile).c_str());
   if (!opened) {
     return tl::unexpected{
@@ -140,7 +141,13 @@ void RunOutput::note(const OutputFile& file) noexcept {
   if (error_ == 0) error_ = file.error();
 }
 
-void RunOutput::frame(const Step& step) noexcept {
+void RunOutput::frame(std::uint64_t index, const Step& step, const FrameDigest& digest) noexcept {
+  std::array<char, 96> line;
+  const auto end = fmt::format_to_n(
+      line.data(), line.size(), "{} {:08x} {:08x} {:08x} {:08x} {:08x}\n", index, digest.patches,
+      digest.odometry, digest.maplet, digest.registration, digest.skeleton);
+  digests_.append(std::string_view{line.data(), end.size});
+  note(digests_);
   if (step.track.state != Track::State::kTracking) return;
   append_tum(odometry_, step.track.stamp, step.track.T_odom_camera.se3);
   const Keyframe* own = step.keyframe;
@@ -167,7 +174,7 @@ void RunOutput::delta_pose(std::string_view json_line) noexcept {
 }
 
 tl::expected<void, std::string> RunOutput::finish(const Agent& agent) {
-  for (OutputFile* file : {&odometry_, &delta_poses_, &frames_}) {
+  for (OutputFile* file : {&odometry_, &delta_poses_, &digests_, &frames_}) {
     file->close();
     note(*file);
   }

@@ -10,6 +10,7 @@
 #include <tl/expected.hpp>
 
 #include "core/agent/agent.hpp"
+#include "daemon/frame_digest.hpp"
 #include "daemon/output_file.hpp"
 
 namespace maplet::daemon {
@@ -24,7 +25,8 @@ class RunOutput {
   [[nodiscard]] static tl::expected<std::unique_ptr<RunOutput>, std::string> create(
       const std::string& folder);
 
-  void frame(const Step& step) noexcept;
+  /// @param index  of the source
+  void frame(std::uint64_t index, const Step& step, const FrameDigest& digest) noexcept;
   void maplet(const MapletCut& closed) noexcept;
   void delta_pose(std::string_view json_line) noexcept;
 
@@ -40,7 +42,8 @@ class RunOutput {
   std::filesystem::path folder_;
   OutputFile odometry_;
   OutputFile delta_poses_;
-  OutputFile frames_;  // what trajectory.tum is made from at the end
+  OutputFile digests_;  // of every frame
+  OutputFile frames_;   // what trajectory.tum is made from at the end
   OutputFile maplet_;
   int error_ = 0;  // errno of the first failure
 };

@@ -47,6 +47,12 @@ OpenedSource open_camera(const Uri& uri, const SourceOptions& options) {
   return open_openni2(uri.path, options);
 }
 
+/// mapletd replays what came besides frames, too: it opens the file itself.
+OpenedSource open_record(const Uri& uri, const SourceOptions& /*options*/) {
+  if (auto known = uri.only({}); !known) return source_error(Kind::kUsage, known.error());
+  return source_error(Kind::kUsage, "record:" + uri.path + ": only mapletd --source replays it");
+}
+
 struct Scheme {
   std::string_view name;
   std::string_view usage;
@@ -55,6 +61,7 @@ struct Scheme {
 
 constexpr Scheme kSchemes[] = {
     {"openni2", "openni2:, openni2:DEVICE-URI, openni2:FILE.oni", open_camera},
+    {"record", "record:FILE", open_record},
     {"sim", "sim:WORLD", open_simulator},
     {"tum", "tum:DIR", open_tum},
 };

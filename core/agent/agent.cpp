@@ -180,10 +180,9 @@ bool Agent::settle(Deadline deadline) noexcept {
   const Duration expected = 2 * settling_per_factor_ * std::max(skeleton_.factor_count(), 1);
   if (deadline.remaining() < expected) return false;
   const StageScope scope{meter_, Stage::kSkeleton, budget_.skeleton};
-  const MonotonicClock clock;
-  const Instant begin = clock.now();
+  const Instant begin = clock_->now();
   const bool settled = skeleton_.settle(Deadline::never());
-  settling_per_factor_ = (clock.now() - begin) / std::max(skeleton_.factor_count(), 1);
+  settling_per_factor_ = (clock_->now() - begin) / std::max(skeleton_.factor_count(), 1);
   return settled;
 }
 

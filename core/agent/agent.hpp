@@ -54,6 +54,9 @@ class Agent {
   /// Takes a frame through every stage it is due for.
   [[nodiscard]] Step step(const DepthFrame& frame, Deadline deadline) noexcept;
 
+  /// What it measures its own work with; the machine's, if this is not called. It outlives the
+  /// agent.
+  void use_clock(const Clock& clock) noexcept { clock_ = &clock; }
   /// The stages share another budget from the next frame on.
   void set_budget(Duration frame_budget) noexcept;
 
@@ -156,6 +159,8 @@ class Agent {
   void hold_to_plane(Track& track) const noexcept;
 
   AgentIdentity identity_;
+  MonotonicClock monotonic_;
+  const Clock* clock_ = &monotonic_;
   FrameConfig frame_;
   Budget budget_;
   StageMeter& meter_;

@@ -20,6 +20,7 @@ class Failure : public std::runtime_error {
 // Each command lives in a file of its own and adds itself to the command line.
 void add_check(Command app);
 void add_daemon_commands(Command app);
+void add_diff(Command app);
 void add_draw(Command app);
 void add_eval(Command app);
 void add_export(Command app);
@@ -29,6 +30,7 @@ void add_patches(Command app);
 void add_patches_eval(Command app);
 void add_range(Command app);
 void add_record(Command app);
+void add_recorder(Command app);
 void add_register(Command app);
 void add_show(Command app);
 void add_simulate(Command app);

@@ -27,6 +27,7 @@ int main(int argc, char** argv) {
         [](Command app) {
           add_daemon_commands(app);
           add_check(app);
+          add_diff(app);
           add_draw(app);
           add_eval(app);
           add_export(app);
@@ -36,6 +37,7 @@ int main(int argc, char** argv) {
           add_patches_eval(app);
           add_range(app);
           add_record(app);
+          add_recorder(app);
           add_register(app);
           add_show(app);
           add_simulate(app);

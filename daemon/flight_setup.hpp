@@ -1,0 +1,50 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <tl/expected.hpp>
+
+#include "core/agent/agent.hpp"
+#include "core/ports/depth_source.hpp"
+#include "daemon/config_io.hpp"
+#include "daemon/flight_writer.hpp"
+#include "daemon/pacer.hpp"
+#include "drivers/flight/flight_file.hpp"
+
+namespace maplet::daemon {
+
+/// A run that was recorded, to be replayed.
+struct Flight {
+  std::unique_ptr<flight::RingReader> file;
+  AgentIdentity identity;
+  std::string source;  ///< its frames came from
+  Pace pace = Pace::kFast;
+  bool radio = false;
+  bool finite = false;
+};
+
+/// Replays have no source: FlightLog gives the frames.
+class NoSource final : public DepthSource {
+ public:
+  [[nodiscard]] Expected<DepthFrame> next(Deadline) noexcept override {
+    return fail(ErrorCode::kEnd, "a replay");
+  }
+  [[nodiscard]] SourceCounters counters() const noexcept override { return {}; }
+};
+
+[[nodiscard]] bool is_record(std::string_view source) noexcept;
+
+/// With which a recorded run ran. @param source  record:FILE
+[[nodiscard]] tl::expected<Config, ConfigError> recorded_config(const std::string& source);
+
+/// @return nothing when the source is no record; why it cannot be replayed
+[[nodiscard]] tl::expected<std::optional<Flight>, std::string> open_flight(const Config& config);
+
+/// Begins recorder.file. @return why not
+[[nodiscard]] tl::expected<std::unique_ptr<FlightWriter>, std::string> start_recording(
+    const Config& config, AgentIdentity identity, Pace pace, bool radio, bool finite, bool resumed);
+
+}  // namespace maplet::daemon

@@ -1,0 +1,142 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#include "drivers/flight/flight_file.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+
+#include "core/base/crc.hpp"
+
+namespace maplet::flight {
+
+namespace {
+
+constexpr std::uint32_t kMagic = 0x746C666D;  // "mflt"
+
+struct Head {
+  std::uint32_t magic = kMagic;
+  std::uint32_t number = 0;
+  std::uint32_t bytes = 0;
+  std::uint32_t crc = 0;  ///< of the content
+  std::uint32_t type = 0;
+  std::uint32_t check = 0;  ///< CRC-32C of the five above
+};
+static_assert(sizeof(Head) == kBlockHeadBytes);
+
+std::uint32_t check_of(const Head& head) {
+  return crc32c(std::as_bytes(std::span{&head, 1}).first(20));
+}
+
+std::uint64_t aligned(std::uint64_t at) { return (at + kAlign - 1) / kAlign * kAlign; }
+
+std::string why(const std::string& path) {
+  return fmt::format("{}: {}", path, std::strerror(errno));
+}
+
+bool write_at(std::FILE* file, std::uint64_t at, Block type, std::uint32_t number,
+              std::span<const std::byte> bytes) {
+  Head head;
+  head.number = number;
+  head.bytes = static_cast<std::uint32_t>(bytes.size());
+  head.crc = crc32c(bytes);
+  head.type = static_cast<std::uint32_t>(type);
+  head.check = check_of(head);
+  return fseeko(file, static_cast<off_t>(at), SEEK_SET) == 0 &&
+         std::fwrite(&head, sizeof head, 1, file) == 1 &&
+         std::fwrite(bytes.data(), 1, bytes.size(), file) == bytes.size();
+}
+
+}  // namespace
+
+tl::expected<std::unique_ptr<RingWriter>, std::string> RingWriter::make(const std::string& path,
+                                                                        std::uint64_t bytes) {
+  auto writer = std::make_unique<RingWriter>();
+  writer->file_.reset(std::fopen(path.c_str(), "wbe"));
+  if (!writer->file_) return tl::unexpected{why(path)};
+  writer->size_ = bytes;
+  return writer;
+}
+
+bool RingWriter::put(Block type, std::span<const std::byte> bytes) {
+  const std::uint64_t end = aligned(at_ + kBlockHeadBytes + bytes.size());
+  if (end > size_) {
+    if (first_ + end - at_ > size_) return false;  // larger than the ring
+    at_ = first_;
+  }
+  if (!write_at(file_.get(), at_, type, next_, bytes)) return false;
+  at_ = aligned(at_ + kBlockHeadBytes + bytes.size());
+  if (next_++ == 0) first_ = at_;
+  return true;
+}
+
+bool RingWriter::flush() { return std::fflush(file_.get()) == 0; }
+
+tl::expected<std::unique_ptr<RingReader>, std::string> RingReader::open(const std::string& path) {
+  auto reader = std::make_unique<RingReader>();
+  reader->file_.reset(std::fopen(path.c_str(), "rbe"));
+  std::FILE* file = reader->file_.get();
+  if (file == nullptr) return tl::unexpected{why(path)};
+  if (fseeko(file, 0, SEEK_END) != 0) return tl::unexpected{why(path)};
+  const auto size = static_cast<std::uint64_t>(std::max<off_t>(ftello(file), 0));
+  std::vector<std::pair<std::uint32_t, Entry>> found;
+  for (std::uint64_t at = 0; at + kBlockHeadBytes <= size;) {
+    Head head;
+    if (fseeko(file, static_cast<off_t>(at), SEEK_SET) != 0 ||
+        std::fread(&head, sizeof head, 1, file) != 1) {
+      break;
+    }
+    const bool good = head.magic == kMagic && head.check == check_of(head) &&
+                      head.bytes <= kMostBlockBytes && head.type <= 3;
+    if (good) {
+      found.push_back(
+          {head.number,
+           {static_cast<Block>(head.type), head.bytes, head.crc, at + kBlockHeadBytes}});
+    }
+    at += good ? aligned(kBlockHeadBytes + head.bytes) : kAlign;
+  }
+  std::ranges::stable_sort(found, {}, [](const auto& f) { return f.first; });
+  if (found.empty() || found.front().first != 0 || found.front().second.type != Block::kHead)
+    return tl::unexpected{path +
+                          ": is no flight recorder's file; mapletctl recorder save makes one"};
+  std::vector<std::byte> head;
+  if (!reader->read(found.front().second, head))
+    return tl::unexpected{path + ": its first block is damaged"};
+  reader->head_.assign(reinterpret_cast<const char*>(head.data()), head.size());
+  // The newest run of numbers without a gap.
+  std::size_t from = found.size() - 1;
+  while (from > 1 && found[from].first == found[from - 1].first + 1) --from;
+  reader->complete_ = found.size() < 2 || (from == 1 && found[1].first == 1);
+  for (std::size_t i = std::max<std::size_t>(from, 1); i < found.size(); ++i)
+    reader->entries_.push_back(found[i].second);
+  return reader;
+}
+
+bool RingReader::read(const Entry& entry, std::vector<std::byte>& out) {
+  out.resize(entry.bytes);
+  return fseeko(file_.get(), static_cast<off_t>(entry.at), SEEK_SET) == 0 &&
+         std::fread(out.data(), 1, out.size(), file_.get()) == out.size() &&
+         crc32c(out) == entry.crc;
+}
+
+std::string RingReader::save(const std::string& path) {
+  const File out{std::fopen(path.c_str(), "wbe")};
+  if (!out) return why(path);
+  std::uint64_t at = 0;
+  // One number is left out where something was overwritten.
+  std::uint32_t number = 0;
+  const auto put = [&](Block type, std::span<const std::byte> bytes) {
+    const bool good = write_at(out.get(), at, type, number, bytes);
+    at = aligned(at + kBlockHeadBytes + bytes.size());
+    ++number;
+    return good;
+  };
+  bool good = put(Block::kHead, std::as_bytes(std::span{head_}));
+  if (!complete_) ++number;
+  std::vector<std::byte> bytes;
+  for (const Entry& entry : entries_) good = good && read(entry, bytes) && put(entry.type, bytes);
+  return good && std::fflush(out.get()) == 0 ? "" : path + ": cannot be written, or damaged";
+}
+
+}  // namespace maplet::flight
