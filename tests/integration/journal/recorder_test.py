@@ -64,10 +64,10 @@ class Recorder(daemon.DaemonTest):
         found = self.diff("a", "b")
         self.assertFalse(found["equal"])
         self.assertEqual((found["first"]["frame"], found["first"]["stage"]), (0, "patches"))
-        self.replay("c", "--set", "odometry.max_keyframes=2")
+        self.replay("c", "--set", "maplet.max_keyframes=5")
         found = self.diff("a", "c")
-        if not found["equal"]:
-            self.assertNotEqual(found["first"]["stage"], "patches")
+        self.assertFalse(found["equal"])
+        self.assertNotEqual(found["first"]["stage"], "patches")
 
     def test_a_service_is_saved_while_it_runs(self):
         self.start("--source", "sim:room?seed=3&width=160&frames=100000", "--set",
