@@ -129,6 +129,7 @@ class App {
   void linger();
   [[nodiscard]] bool draw();
   [[nodiscard]] bool write_report();
+  void say_skipped() const;
 
   const Options& options_;
   const Config& config_;

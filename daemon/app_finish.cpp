@@ -55,6 +55,7 @@ int App::finish() {
     log_warning("a subscriber did not take everything in time");
   }
   if (!output_) return kExitDone;
+  say_skipped();
   (void)agent_->settle(Deadline::never());
   close_journal();
   totals_.unrelated = records_.refused();
@@ -76,6 +77,15 @@ int App::finish() {
   }
   // The picture tells figures of the report.
   return write_report() && draw() ? kExitDone : kExitFailure;
+}
+
+void App::say_skipped() const {
+  const SourceCounters counted = source_counters();
+  if (counted.unreadable + counted.out_of_order == 0) return;
+  log_warning(
+      fmt::format("{}: {} images could not be read, {} frames were out of order; {} frames "
+                  "were read",
+                  config_.input.source, counted.unreadable, counted.out_of_order, counted.read));
 }
 
 bool App::draw() {

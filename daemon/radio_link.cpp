@@ -20,6 +20,7 @@ constexpr Duration kLook = 500ms;  // at the interface and for the status
 constexpr Duration kRetry = 1s;
 constexpr Duration kUnheard = 20s;  // nobody was heard for: perhaps somebody else is there
 constexpr Duration kLonely = 100s;
+constexpr Duration kDiscovery = 25s;
 constexpr Duration kArrival = 60s;  // announcements are lost, too: a new one says so more often
 
 struct MapletHead {
@@ -238,7 +239,11 @@ void RadioLink::send(Instant now) noexcept {
     metered_ = bytes;
   };
   charge_others();
-  budget_.set_rate(static_cast<double>(bytes_per_s_.load()));
+  const auto rate = static_cast<std::uint64_t>(bytes_per_s_.load());
+  budget_.set_rate(static_cast<double>(rate));
+  // Robots find each other first; from then on not even DDS's repetitions go beyond the budget.
+  WireMeter::most_in_a_window =
+      now - opened_at_ < kDiscovery ? 0 : rate * (WireMeter::kWindow / 1s);
   const std::uint32_t listeners = radio_->listeners();
   if (listeners > listeners_) node_->wake(now);
   listeners_ = listeners;

@@ -30,6 +30,7 @@ struct RadioStatus {
   std::array<std::uint32_t, kStreams> own{};  ///< records of ours, by stream
   std::uint64_t missing = 0;
   std::uint64_t wire_bytes = 0;                       ///< since the start, IP and DDS included
+  std::uint64_t held_back = 0;                        ///< datagrams beyond the budget, not sent
   std::uint64_t dds_bytes = 0;                        ///< of these, what is not ours
   std::uint64_t window_bytes = 0;                     ///< of the last ten seconds
   std::array<std::uint64_t, kTraffics> lane_bytes{};  ///< of our datagrams, by what they lead with

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "daemon/radio_link.hpp"
+#include "transport/dds/wire_meter.hpp"
 
 namespace maplet::daemon {
 
@@ -46,6 +47,7 @@ void RadioLink::note_status(Instant now) noexcept {
   s.own = held_of(node_->self());
   s.wire_bytes = wire_bytes_;
   s.dds_bytes = dds_bytes_;
+  s.held_back = WireMeter::held_back;
   s.window_bytes = budget_.window_bytes(now);
   s.lane_bytes = lane_bytes_;
   s.conflicts = static_cast<std::uint32_t>(node_->peer_table().conflicts());

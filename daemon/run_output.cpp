@@ -1,7 +1,10 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #include "daemon/run_output.hpp"
 
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/file.h>
+#include <unistd.h>
 
 #include <cstring>
 #include <fstream>
@@ -115,6 +118,10 @@ tl::expected<std::unique_ptr<RunOutput>, std::string> RunOutput::create(const st
   std::unique_ptr<RunOutput> output{new RunOutput{folder}};
   std::error_code error;
   fs::create_directories(output->folder_ / "maplets", error);
+  if (!error && !output->lock()) {
+    return tl::unexpected{fmt::format(
+        "--out {}: another run is writing there; wait for it, or choose another folder", folder)};
+  }
   if (!error) {
     for (const auto& entry : fs::directory_iterator{output->folder_ / "maplets", error}) {
       if (entry.path().extension() == ".maplet") fs::remove(entry.path(), error);
@@ -135,6 +142,15 @@ tl::expected<std::unique_ptr<RunOutput>, std::string> RunOutput::create(const st
                     error ? error.message() : std::strerror(errno))};
   }
   return output;
+}
+
+RunOutput::~RunOutput() {
+  if (lock_ >= 0) ::close(lock_);
+}
+
+bool RunOutput::lock() noexcept {
+  lock_ = ::open(folder_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  return lock_ < 0 || ::flock(lock_, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK;
 }
 
 void RunOutput::note(const OutputFile& file) noexcept {

@@ -24,6 +24,9 @@ class RunOutput {
   /// Makes the folder and removes what an earlier run left there of these files.
   [[nodiscard]] static tl::expected<std::unique_ptr<RunOutput>, std::string> create(
       const std::string& folder);
+  ~RunOutput();
+  RunOutput(const RunOutput&) = delete;
+  RunOutput& operator=(const RunOutput&) = delete;
 
   /// @param index  of the source
   void frame(std::uint64_t index, const Step& step, const FrameDigest& digest) noexcept;
@@ -37,9 +40,12 @@ class RunOutput {
 
  private:
   explicit RunOutput(std::filesystem::path folder) : folder_{std::move(folder)} {}
+  /// For this object's life. @return false: another run has it
+  [[nodiscard]] bool lock() noexcept;
   void note(const OutputFile& file) noexcept;
 
   std::filesystem::path folder_;
+  int lock_ = -1;  ///< the open folder
   OutputFile odometry_;
   OutputFile delta_poses_;
   OutputFile digests_;  // of every frame

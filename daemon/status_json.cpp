@@ -38,6 +38,7 @@ Json exchange_json(const RadioStatus& radio) {
           {"missing", radio.missing},
           {"wire_bytes", radio.wire_bytes},
           {"dds_bytes", radio.dds_bytes},
+          {"held_back", radio.held_back},
           {"bytes_last_10_s", radio.window_bytes},
           {"delta_pose_bytes", radio.lane_bytes[0]},
           {"closure_bytes", radio.lane_bytes[1]},

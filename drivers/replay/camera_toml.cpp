@@ -70,7 +70,8 @@ tl::expected<CameraModel, std::string> take_table(const toml::table& table,
       Number* number = nullptr;
       for (Number& candidate : numbers) number = candidate.key == key ? &candidate : number;
       if (number == nullptr) {
-        return Problem{fmt::format("{}: unknown key {}.{}", where, section, key)};
+        return Problem{fmt::format("{}: unknown key {}.{}: remove it, or see docs/recordings.md",
+                                   where, section, key)};
       }
       taken = take(*number, node, where);
     }
@@ -91,6 +92,15 @@ tl::expected<CameraModel, std::string> take_table(const toml::table& table,
                            numbers[4].value,
                            numbers[5].value};
   if (!camera.valid()) return Problem{fmt::format("{}: fx_px and fy_px are not 0", name)};
+  // tan 85 deg: nobody's depth camera sees more.
+  constexpr double kWidest = 11.4;
+  if (camera.width_px > 2.0 * kWidest * std::abs(camera.fx_px) ||
+      camera.height_px > 2.0 * kWidest * std::abs(camera.fy_px)) {
+    return Problem{fmt::format(
+        "{}: {}.fx_px = {} and fy_px = {} mean a field of view beyond 170 degrees at {}x{}: "
+        "correct them",
+        name, section, camera.fx_px, camera.fy_px, camera.width_px, camera.height_px)};
+  }
   return camera;
 }
 

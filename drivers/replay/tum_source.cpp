@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 #include "drivers/replay/camera_toml.hpp"
 #include "drivers/replay/text.hpp"
@@ -14,6 +15,7 @@ namespace maplet {
 namespace {
 
 constexpr std::size_t kMaxListBytes = std::size_t{64} << 20;  // 2 M lines: 18 h at 30 Hz
+constexpr double kFarthestMiddleM = 100.0;  // of an image: beyond any depth camera
 constexpr std::size_t kMaxTomlBytes = std::size_t{1} << 20;
 
 ImageSize size_of(const CameraModel& camera) { return {camera.width_px, camera.height_px}; }
@@ -216,10 +218,29 @@ tl::expected<void, std::string> TumSource::check_images() {
     if (gray && *gray != want_gray) {
       return Problem{differs(entry.gray, gray, want_gray) + ", or set input.gray=off"};
     }
+    if (const double middle = middle_depth_m(); middle > kFarthestMiddleM) {
+      return Problem{fmt::format(
+          "{}: half of its pixels are farther than {:.0f} m: correct metres_per_unit = {} "
+          "(camera.toml or the configuration)",
+          entry.depth.string(), middle, frame_.metres_per_unit)};
+    }
     return {};
   }
-  return Problem{fmt::format("{}: no depth image can be read: {}", (folder_ / "depth.txt").string(),
+  return Problem{fmt::format("{}: no depth image can be read, copy the recording again: {}",
+                             (folder_ / "depth.txt").string(),
                              first_problem.empty() ? "none is listed" : first_problem)};
+}
+
+/// Of the image in depth_; 0 when nothing is valid.
+double TumSource::middle_depth_m() const {
+  std::vector<std::uint16_t> valid;
+  std::ranges::copy_if(depth_, std::back_inserter(valid), [this](std::uint16_t raw) {
+    return raw != 0 && std::ranges::find(invalid_values_, raw) == invalid_values_.end();
+  });
+  if (valid.empty()) return 0.0;
+  const auto middle = valid.begin() + static_cast<std::ptrdiff_t>(valid.size() / 2);
+  std::ranges::nth_element(valid, middle);
+  return *middle * frame_.metres_per_unit;
 }
 
 bool TumSource::load(const Entry& entry) noexcept {

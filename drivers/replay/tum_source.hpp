@@ -71,6 +71,7 @@ class TumSource final : public DepthSource {
   tl::expected<void, std::string> add_gray();
   tl::expected<void, std::string> check_images();
   bool load(const Entry& entry) noexcept;
+  [[nodiscard]] double middle_depth_m() const;
   [[nodiscard]] ImageSize gray_size() const noexcept {
     const CameraModel& camera = gray_camera_ ? gray_camera_->camera : frame_.camera;
     return {camera.width_px, camera.height_px};

@@ -1,7 +1,10 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 // What a person can get wrong: one line that names the file and the remedy, and the exit code.
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/file.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <filesystem>
@@ -117,7 +120,7 @@ TEST_F(BadRecording, TruncatedImageIsACountedSkip) {
   fs::resize_file(source_ / "depth/000010.png", 200);
   const Finished mapped = map_it(uri(), out_);
   EXPECT_EQ(mapped.exit_code, 0) << mapped.err;
-  EXPECT_THAT(mapped.err, HasSubstr("000010.png"));
+  EXPECT_THAT(mapped.err, AllOf(HasSubstr("000010.png"), HasSubstr("1 images could not be read")));
   const auto report = report_of(out_);
   EXPECT_EQ(report["frames"]["unreadable"], 1);
   EXPECT_EQ(report["frames"]["processed"], 29);
@@ -154,6 +157,33 @@ TEST_F(BadRecording, MissingIntrinsicsNameTheRemedy) {
       {"--set", "camera.width_px=320", "--set", "camera.height_px=240", "--set", "camera.fx_px=270",
        "--set", "camera.fy_px=270", "--set", "camera.cx_px=160", "--set", "camera.cy_px=120"});
   EXPECT_EQ(given.exit_code, 0) << given.err;
+}
+
+TEST_F(BadRecording, AWrongDepthUnitIsNoMap) {
+  std::string text;
+  {
+    std::ifstream in{source_ / "camera.toml"};
+    text.assign(std::istreambuf_iterator<char>{in}, {});
+  }
+  const auto unit = text.find("metres_per_unit = ");
+  text.replace(unit, text.find('\n', unit) - unit, "metres_per_unit = 1.0");
+  std::ofstream{source_ / "camera.toml"} << text;
+  const Finished refused = map_it(uri(), out_);
+  EXPECT_EQ(refused.exit_code, 1);
+  EXPECT_THAT(refused.err,
+              AllOf(HasSubstr("correct metres_per_unit = 1"), HasSubstr("000000.png")));
+}
+
+TEST_F(BadRecording, AFolderThatAnotherRunWritesIsRefused) {
+  fs::create_directories(out_);
+  const int other = ::open(out_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  ASSERT_EQ(::flock(other, LOCK_EX | LOCK_NB), 0);
+  const Finished refused = map_it(uri(), out_);
+  EXPECT_EQ(refused.exit_code, 1);
+  EXPECT_THAT(refused.err, HasSubstr("another run is writing there"));
+  EXPECT_FALSE(fs::exists(out_ / "odometry.tum"));
+  ::close(other);
+  EXPECT_EQ(map_it(uri(), out_).exit_code, 0);
 }
 
 TEST_F(BadRecording, StampsThatGoBackAreACountedSkip) {

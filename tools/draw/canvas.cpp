@@ -5,6 +5,8 @@
 #include <cairo.h>
 #include <fmt/core.h>
 
+#include <cerrno>
+#include <cstring>
 #include <fstream>
 #include <numbers>
 #include <stdexcept>
@@ -150,7 +152,10 @@ void Canvas::write(const std::filesystem::path& file) {
   std::ofstream out{file, std::ios::binary};
   out.write(svg_.data(), static_cast<std::streamsize>(svg_.size()));
   out.close();
-  if (!out) throw std::runtime_error{fmt::format("cannot write {}", file.string())};
+  if (!out) {
+    throw std::runtime_error{fmt::format("cannot write {}: {}; make room, or choose another folder",
+                                         file.string(), std::strerror(errno))};
+  }
 }
 
 }  // namespace maplet::draw

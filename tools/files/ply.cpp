@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cerrno>
 #include <cmath>
 #include <cstring>
 #include <fstream>
@@ -75,7 +76,10 @@ void PlyMesh::write(const std::filesystem::path& file) const {
   std::ofstream stream{file, std::ios::binary};
   stream.write(out.data(), static_cast<std::streamsize>(out.size()));
   stream.close();
-  if (!stream) throw std::runtime_error{fmt::format("cannot write {}", file.string())};
+  if (!stream) {
+    throw std::runtime_error{fmt::format("cannot write {}: {}; make room, or choose another folder",
+                                         file.string(), std::strerror(errno))};
+  }
 }
 
 }  // namespace maplet::files

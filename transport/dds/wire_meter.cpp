@@ -1,11 +1,59 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #include "transport/dds/wire_meter.hpp"
 
+#include <algorithm>
+#include <array>
+#include <mutex>
+#include <numeric>
+
 namespace maplet {
+
+namespace {
+
+/// IP bytes of the last ten seconds, never less.
+class Window {
+ public:
+  /// @return false, and nothing is added: beyond `most`
+  bool add(std::size_t bytes, std::uint64_t most, Instant now) noexcept {
+    const std::scoped_lock lock{mutex_};
+    const auto bin = static_cast<std::uint64_t>(now.time_since_epoch() / kBin);
+    for (; bin_ < bin && bin - bin_ <= kBins; ++bin_) bins_[(bin_ + 1) % kBins] = 0;
+    if (bin_ < bin) bins_ = {};
+    bin_ = std::max(bin_, bin);
+    const std::uint64_t sent = std::accumulate(bins_.begin(), bins_.end(), std::uint64_t{0});
+    if (most > 0 && sent + bytes > most) return false;
+    bins_[bin_ % kBins] += bytes;
+    return true;
+  }
+
+ private:
+  static constexpr Duration kBin = std::chrono::milliseconds{250};
+  static constexpr std::size_t kBins = static_cast<std::size_t>(WireMeter::kWindow / kBin) + 1;
+
+  std::mutex mutex_;
+  std::array<std::uint64_t, kBins> bins_{};
+  std::uint64_t bin_ = 0;
+};
+
+Window window;
+
+}  // namespace
 
 std::atomic<bool> WireMeter::available{false};
 std::atomic<std::uint32_t> WireMeter::first_port{0};
 std::atomic<std::uint64_t> WireMeter::bytes{0};
 std::atomic<std::uint64_t> WireMeter::datagrams{0};
+std::atomic<std::uint64_t> WireMeter::held_back{0};
+std::atomic<std::uint64_t> WireMeter::most_in_a_window{0};
+
+bool WireMeter::pass(std::size_t payload, Instant now) noexcept {
+  if (!window.add(payload + kIpUdpBytes, most_in_a_window.load(std::memory_order_relaxed), now)) {
+    held_back.fetch_add(1, std::memory_order_relaxed);
+    return false;
+  }
+  bytes.fetch_add(payload + kIpUdpBytes, std::memory_order_relaxed);
+  datagrams.fetch_add(1, std::memory_order_relaxed);
+  return true;
+}
 
 }  // namespace maplet

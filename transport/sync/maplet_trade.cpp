@@ -28,29 +28,16 @@ bool intact(std::span<const std::byte> maplet) noexcept {
 
 MapletTrade::MapletTrade(const Config& config, Arena& arena)
     : config_{config},
-      slots_{arena.make_array<Slot>(config.kept, "exchange/maplet slots")},
-      bytes_{arena.make_array<std::byte>((config.kept + kAssemblies) * config.slot_bytes,
-                                         "exchange/maplets")},
+      shelf_{config.kept, config.slot_bytes, arena, "exchange/maplet slots", "exchange/maplets"},
       known_{arena.make_array<Known>(config.known, "exchange/maplets known")},
       assemblies_{arena.make_array<Assembly>(kAssemblies, "exchange/maplet assemblies")},
       jobs_{arena.make_array<Job>(kJobs, "exchange/maplet jobs")} {
-  for (std::size_t i = 0; i < kAssemblies; ++i) {
-    assemblies_[i].storage = storage(config.kept + i);
+  for (Assembly& assembly : assemblies_) {
+    assembly.storage = arena.make_array<std::byte>(config.slot_bytes, "exchange/maplet pieces");
   }
 }
 
-std::span<std::byte> MapletTrade::storage(std::size_t slot) noexcept {
-  return bytes_.subspan(slot * config_.slot_bytes, config_.slot_bytes);
-}
-
-const MapletTrade::Slot* MapletTrade::find(const MapletKey& key) const noexcept {
-  for (const Slot& slot : slots_) {
-    if (slot.bytes != 0 && slot.key == key) return &slot;
-  }
-  return nullptr;
-}
-
-bool MapletTrade::holds(const MapletKey& key) const noexcept { return find(key) != nullptr; }
+bool MapletTrade::holds(const MapletKey& key) const noexcept { return shelf_.find(key) != nullptr; }
 
 bool MapletTrade::keep(const MapletKey& key, std::span<const std::byte> bytes,
                        std::uint8_t saliency) noexcept {
@@ -58,14 +45,10 @@ bool MapletTrade::keep(const MapletKey& key, std::span<const std::byte> bytes,
     ++counters_.too_large;
     return false;
   }
-  if (holds(key)) return true;
-  const std::size_t at = kept_ % slots_.size();
-  if (slots_[at].bytes != 0) ++counters_.forgotten;
-  slots_[at] = {key, static_cast<std::uint32_t>(bytes.size()), saliency};
-  std::ranges::copy(bytes, storage(at).begin());
-  ++kept_;
+  if (!shelf_.put(key, bytes, saliency)) return true;
   ++counters_.kept;
-  offered_ = std::max(offered_, kept_ - std::min<std::uint64_t>(kept_, slots_.size()));
+  counters_.forgotten = shelf_.forgotten();
+  offered_ = std::max(offered_, shelf_.forgotten());
   if (Known* row = known(key, false)) row->used = false;
   return true;
 }
@@ -113,7 +96,7 @@ void MapletTrade::heard_holding(const KeyRange& range, std::uint16_t from, Insta
 }
 
 void MapletTrade::heard_request(const MapletRequest& request) noexcept {
-  const Slot* slot = find(request.key);
+  const auto* slot = shelf_.find(request.key);
   if (slot == nullptr) return;
   Job* job = nullptr;
   for (Job& other : jobs_.first(job_count_)) {
@@ -122,7 +105,7 @@ void MapletTrade::heard_request(const MapletRequest& request) noexcept {
   if (job == nullptr) {
     if (job_count_ == kJobs) return;  // they ask again
     job = &jobs_[job_count_++];
-    *job = {request.key, {}, slot->saliency};
+    *job = {request.key, {}, slot->note};
   }
   const std::uint32_t pieces = pieces_of(slot->bytes);
   if (request.pieces.empty()) {
@@ -267,7 +250,7 @@ bool MapletTrade::write_chunk(DatagramWriter& out) noexcept {
     Job* job =
         &*std::max_element(jobs_.begin(), jobs_.begin() + static_cast<std::ptrdiff_t>(job_count_),
                            [](const Job& a, const Job& b) { return a.saliency < b.saliency; });
-    const Slot* slot = find(job->key);
+    const auto* slot = shelf_.find(job->key);
     if (slot == nullptr || job->pieces.none()) {
       *job = jobs_[--job_count_];
       continue;
@@ -281,11 +264,10 @@ bool MapletTrade::write_chunk(DatagramWriter& out) noexcept {
     while (end < kMaxPieces && job->pieces[end] && end - first < fits) job->pieces.reset(end++);
     const std::size_t from = first * kPieceBytes;
     const std::size_t to = std::min<std::size_t>(end * kPieceBytes, slot->bytes);
-    const auto index = static_cast<std::size_t>(slot - slots_.data());
     std::array<std::byte, kMaxDatagramBytes> body;
     ByteWriter writer{body};
     write(writer,
-          MapletChunk{job->key, slot->bytes, first, storage(index).subspan(from, to - from)});
+          MapletChunk{job->key, slot->bytes, first, shelf_.bytes(*slot).subspan(from, to - from)});
     counters_.bytes_sent += to - from;
     return out.add(EntryKind::kMapletChunk, std::span{body}.first(writer.size()));
   }
@@ -294,10 +276,10 @@ bool MapletTrade::write_chunk(DatagramWriter& out) noexcept {
 
 bool MapletTrade::write_offer(DatagramWriter& out) noexcept {
   if (!offers()) return false;
-  const Slot& slot = slots_[offered_ % slots_.size()];
+  const auto& slot = shelf_.nth(offered_);
   std::array<std::byte, 32> body;
   ByteWriter writer{body};
-  write(writer, MapletOffer{slot.key, slot.bytes, slot.saliency});
+  write(writer, MapletOffer{slot.key, slot.bytes, slot.note});
   if (!out.add(EntryKind::kMapletOffer, std::span{body}.first(writer.size()))) return false;
   ++offered_;
   return true;

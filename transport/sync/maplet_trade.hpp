@@ -8,6 +8,7 @@
 
 #include "core/base/arena.hpp"
 #include "core/base/clock.hpp"
+#include "core/maplet/maplet_ring.hpp"
 #include "transport/exchange/datagram.hpp"
 #include "transport/sync/messages.hpp"
 #include "transport/sync/record_taker.hpp"
@@ -16,7 +17,7 @@ namespace maplet {
 
 /// Maplets on the link: offered by who holds them, asked for by who wants them, sent in pieces.
 ///
-/// Memory   `kept` slots of `slot_bytes`, kAssemblies more, `known` rows: in the arena.
+/// Memory   a MapletRing of `kept`, kAssemblies times `slot_bytes`, `known` rows: in the arena.
 /// Time     O(known + kept) a call. Threads one.
 class MapletTrade {
  public:
@@ -76,17 +77,12 @@ class MapletTrade {
   /// Adds an offer of a maplet kept since the last time. @return false when there is none
   bool write_offer(DatagramWriter& out) noexcept;
   /// What is kept by now is known to the others.
-  void skip_offers() noexcept { offered_ = kept_; }
-  [[nodiscard]] bool offers() const noexcept { return offered_ < kept_; }
+  void skip_offers() noexcept { offered_ = shelf_.count(); }
+  [[nodiscard]] bool offers() const noexcept { return offered_ < shelf_.count(); }
 
   [[nodiscard]] const Counters& counters() const noexcept { return counters_; }
 
  private:
-  struct Slot {
-    MapletKey key;
-    std::uint32_t bytes = 0;  ///< 0 = empty
-    std::uint8_t saliency = 0;
-  };
   struct Known {  ///< held by others, not by us
     MapletKey key;
     std::uint32_t bytes = 0;  ///< 0 = not said
@@ -115,8 +111,6 @@ class MapletTrade {
     std::uint8_t saliency = 0;
   };
 
-  [[nodiscard]] const Slot* find(const MapletKey& key) const noexcept;
-  [[nodiscard]] std::span<std::byte> storage(std::size_t slot) noexcept;
   Known* known(const MapletKey& key, bool add) noexcept;
   Assembly* assembly(const MapletKey& key) noexcept;
   Assembly* free_assembly() noexcept;
@@ -126,14 +120,12 @@ class MapletTrade {
   void give_up(Assembly& assembly, Instant now) noexcept;
 
   Config config_;
-  std::span<Slot> slots_;
-  std::span<std::byte> bytes_;
+  MapletRing<std::uint8_t> shelf_;  ///< the note is the saliency
   std::span<Known> known_;
   std::span<Assembly> assemblies_;
   std::span<Job> jobs_;
   std::size_t job_count_ = 0;
-  std::uint64_t kept_ = 0;     ///< ever
-  std::uint64_t offered_ = 0;  ///< of kept_
+  std::uint64_t offered_ = 0;  ///< of those ever kept
   Counters counters_;
 };
 

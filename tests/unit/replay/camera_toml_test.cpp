@@ -77,6 +77,7 @@ INSTANTIATE_TEST_SUITE_P(
                     Wrong{"fx_px = 535.4\n", "", "depth.fx_px is missing"},
                     Wrong{"metres_per_unit = 0.0002\n", "", "depth.metres_per_unit is missing"},
                     Wrong{"fx_px = 535.4", "fx_px = 0.0", "not 0"},
+                    Wrong{"fx_px = 535.4", "fx_px = -1.0", "field of view"},
                     Wrong{"fx_px = 535.4", "fx_px = nan", ":4: fx_px: expected a number"},
                     Wrong{"fx_px = 535.4", "fx_px = \"535\"", ":4: fx_px: expected a number"},
                     Wrong{"width_px = 640", "width_px = 100000", ":2: width_px"},
