@@ -16,12 +16,22 @@ constexpr double kMostGapS = 30.0;            // a stamp that jumps farther tell
 constexpr int kBackwardToFollow = 3;          // frames in a row: the source's time begins anew
 constexpr double kHintGate[] = {32.0, 24.0};  // chi-square of 6 and 3 degrees of freedom, 5e-5
 constexpr double kBetterOverlap = 1.1;
+constexpr double kStillOverlap = 0.97;
+// Standard deviations of a start from which intensities may lead.
+constexpr double kGrayNearM = 0.05;
+constexpr double kGrayNearRad = 0.05;
+constexpr double kGrayContradicts = 3.0;  // times what chance makes of their disagreement
 // The keyframes' disagreement, eq. 15.
 constexpr double kDisagreementFrames = 200.0;
 constexpr double kDisagreementPrior = 6.0;
 // Before two keyframes overlap nobody knows; of an ideal sensor 1 would be right, of real ones 10.
 constexpr double kFirstDisagreement = 4.0;
 constexpr double kLeastDisagreement = 0.7;
+
+// Intensities pull elsewhere than patches: what both see has changed its look, or moves.
+bool contradicts(const Alignment& alignment) noexcept {
+  return alignment.photo_disagreement > kGrayContradicts * alignment.expected_photo_disagreement;
+}
 
 double log_determinant(const Matrix6d& information) noexcept {
   const Eigen::LLT<Matrix6d> llt{information};
@@ -149,9 +159,12 @@ KeyframePool::References Tracker::references() const noexcept {
   return out;
 }
 
+PhotoTerm& Tracker::gray() noexcept {
+  return photo_.against(pool_.newest().T_odom_camera.se3.inverse());
+}
+
 Alignment Tracker::try_from(const KeyframePool::References& references, const PosePrior& prior,
-                            const Start& start, Deadline deadline) noexcept {
-  PhotoTerm& photo = photo_.against(pool_.newest().T_odom_camera.se3.inverse());
+                            const Start& start, PhotoTerm& photo, Deadline deadline) noexcept {
   return aligner_.run(view(), {references.data(), references.size()}, prior, start, photo,
                       deadline);
 }
@@ -161,17 +174,45 @@ Alignment Tracker::align(const KeyframePool::References& references, const PoseP
   const Matrix6d covariance = filter_.covariance();
   const Start start{filter_.pose(), largest_sigma(covariance.topLeftCorner<3, 3>()),
                     largest_sigma(covariance.bottomRightCorner<3, 3>())};
-  Alignment alignment = try_from(references, prior, start, deadline);
+  // Intensities lead to the nearest likeness: from farther away patches go alone, and first.
+  const bool near = start.sigma_m < kGrayNearM && start.sigma_rad < kGrayNearRad;
+  Alignment alignment =
+      try_from(references, prior, start, near ? gray() : photo_.none(), deadline);
+  if (contradicts(alignment)) {
+    photo_.learn(alignment);
+    alignment = try_from(references, prior, start, photo_.none(), deadline);
+    if (usable(alignment, config_)) return alignment;
+  }
+  const bool whole = near && usable(alignment, config_);
   if (guess.any) {
     PosePrior wide{guess.T_odom_camera, 0.1 * prior.information};
     const Alignment other =
-        try_from(references, wide, {guess.T_odom_camera, kSearchSlackM, kSearchSlackRad}, deadline);
-    if (usable(other, config_) && other.overlap > kBetterOverlap * alignment.overlap)
-      alignment = other;
+        try_from(references, wide, {guess.T_odom_camera, kSearchSlackM, kSearchSlackRad},
+                 photo_.none(), deadline);
+    if (usable(other, config_) && other.overlap > kBetterOverlap * alignment.overlap) {
+      return refine(references, other, prior, deadline);
+    }
   }
-  if (usable(alignment, config_)) return alignment;
-  ++counters_.retried;
-  return search(references, prior, deadline);
+  if (whole) return alignment;
+  if (!usable(alignment, config_)) {
+    ++counters_.retried;
+    alignment = search(references, prior, deadline);
+  }
+  return refine(references, alignment, prior, deadline);
+}
+
+// Intensities join where patches have come to, and are left out where they lead away from it.
+Alignment Tracker::refine(const KeyframePool::References& references, const Alignment& patches,
+                          PosePrior prior, Deadline deadline) noexcept {
+  PhotoTerm& photo = gray();
+  if (photo.empty() || !usable(patches, config_)) return patches;
+  prior.information *= 0.1;
+  const Alignment refined =
+      try_from(references, prior, {patches.T_odom_camera, 0.0, 0.0}, photo, deadline);
+  const bool better = photo_.used() && usable(refined, config_) && !contradicts(refined) &&
+                      refined.overlap > kStillOverlap * patches.overlap;
+  if (!better) (void)photo_.none();
+  return better ? refined : patches;
 }
 
 void Tracker::accept(const DepthFrame& frame, const Alignment& alignment, Track& track) noexcept {

@@ -79,8 +79,12 @@ class Tracker {
   [[nodiscard]] Alignment align(const KeyframePool::References& references, const PosePrior& prior,
                                 const Guess& guess, Deadline deadline) noexcept;
   [[nodiscard]] Alignment try_from(const KeyframePool::References& references,
-                                   const PosePrior& prior, const Start& start,
+                                   const PosePrior& prior, const Start& start, PhotoTerm& photo,
                                    Deadline deadline) noexcept;
+  [[nodiscard]] Alignment refine(const KeyframePool::References& references,
+                                 const Alignment& patches, PosePrior prior,
+                                 Deadline deadline) noexcept;
+  [[nodiscard]] PhotoTerm& gray() noexcept;
   [[nodiscard]] Alignment search(const KeyframePool::References& references, const PosePrior& prior,
                                  Deadline deadline) noexcept;
   [[nodiscard]] bool relocalise(Alignment& out, Deadline deadline) noexcept;
