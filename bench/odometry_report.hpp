@@ -164,6 +164,10 @@ inline void write_plot(const std::string& file, const std::string& title,
                           kTop + kHeight * (1.0 - e.mm / most));
   }
   const auto slash = title.find_last_of('/');
+  std::string name = slash == std::string::npos ? title : title.substr(slash + 1);
+  for (std::size_t at = 0; (at = name.find('&', at)) != std::string::npos; at += 5) {
+    name.replace(at, 1, "&amp;");
+  }
   std::ofstream out{file};
   out << fmt::format(
       "<svg xmlns='http://www.w3.org/2000/svg' width='{0}' height='{1}' font-family='sans-serif' "
@@ -173,9 +177,8 @@ inline void write_plot(const std::string& file, const std::string& title,
       "x='{7}' y='{10}' text-anchor='end'>0</text><text x='{11}' y='{12}' "
       "text-anchor='end'>{13:.1f} s</text><polyline fill='none' stroke='#06c' points='{14}'/>"
       "</svg>\n",
-      kLeft + kWidth + 20, kTop + kHeight + 24, kLeft,
-      slash == std::string::npos ? title : title.substr(slash + 1), kTop, kWidth, kHeight,
-      kLeft - 6, kTop + 12, most, kTop + kHeight, kLeft + kWidth, kTop + kHeight + 16, end, points);
+      kLeft + kWidth + 20, kTop + kHeight + 24, kLeft, name, kTop, kWidth, kHeight, kLeft - 6,
+      kTop + 12, most, kTop + kHeight, kLeft + kWidth, kTop + kHeight + 16, end, points);
 }
 
 }  // namespace maplet::bench

@@ -129,7 +129,7 @@ class App {
   void linger();
   [[nodiscard]] bool draw();
   [[nodiscard]] bool write_report();
-  void say_skipped() const;
+  void say_notable() const;
 
   const Options& options_;
   const Config& config_;

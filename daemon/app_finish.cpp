@@ -55,7 +55,7 @@ int App::finish() {
     log_warning("a subscriber did not take everything in time");
   }
   if (!output_) return kExitDone;
-  say_skipped();
+  say_notable();
   (void)agent_->settle(Deadline::never());
   close_journal();
   totals_.unrelated = records_.refused();
@@ -79,7 +79,14 @@ int App::finish() {
   return write_report() && draw() ? kExitDone : kExitFailure;
 }
 
-void App::say_skipped() const {
+/// What a person should know of a run that ended well.
+void App::say_notable() const {
+  if (totals_.partly_free > 0) {
+    log_warning(fmt::format(
+        "{}: in {} of {} frames nothing was seen along some direction; the pose "
+        "along it is the prediction's, known to {:.2g} m",
+        config_.input.source, totals_.partly_free, totals_.processed, totals_.free_sigma_m));
+  }
   const SourceCounters counted = source_counters();
   if (counted.unreadable + counted.out_of_order == 0) return;
   log_warning(
@@ -107,7 +114,7 @@ bool App::write_report() {
   std::ofstream file{path};
   const auto radio = radio_ ? std::make_unique<RadioStatus>(radio_->status()) : nullptr;
   file << report_json(totals_, source_counters(), meters_, arena_.used_bytes(), radio.get(),
-                      agent_->skeleton());
+                      *agent_);
   file.close();
   if (!file) log_error(path.string() + ": cannot be written; make room and run again");
   return static_cast<bool>(file);

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <bit>
 #include <filesystem>
 #include <fstream>
 #include <numeric>
@@ -110,6 +111,12 @@ tl::expected<void, ConfigError> check_together(const Config& config) {
   if (patches.cell_px > patches.max_node_px) {
     return tl::unexpected{fmt::format("patches: cell_px = {} must not be above max_node_px = {}",
                                       patches.cell_px, patches.max_node_px)};
+  }
+  if (patches.cell_px > 0 && !std::has_single_bit(static_cast<unsigned>(patches.cell_px))) {
+    return tl::unexpected{
+        fmt::format("patches: cell_px = {} is no power of two: 4, 8, 16, 32, 64, or 0 to let the "
+                    "image's size choose",
+                    patches.cell_px)};
   }
   const CameraConfig& camera = config.camera;
   const bool any = camera.width_px || camera.height_px || camera.fx_px != 0 || camera.fy_px != 0;

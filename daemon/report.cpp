@@ -61,7 +61,9 @@ Json memory_json(std::size_t arena_bytes) {
 
 std::string report_json(const RunTotals& totals, const SourceCounters& source,
                         const StageMeters& meters, std::size_t arena_bytes,
-                        const RadioStatus* radio, const Skeleton& skeleton) {
+                        const RadioStatus* radio, const Agent& agent) {
+  const Skeleton& skeleton = agent.skeleton();
+  const TrackerCounters& tracking = agent.tracking();
   Json report;
   report["version"] = MAPLET_VERSION;
   report["complete"] = totals.complete;
@@ -73,7 +75,12 @@ std::string report_json(const RunTotals& totals, const SourceCounters& source,
   for (std::size_t i = 0; i < kStages; ++i) {
     report["stages"][kStageNames[i]] = stage_json(meters.of(static_cast<Stage>(i)));
   }
-  report["tracking"] = {{"keyframes", totals.keyframes}, {"lost", totals.lost}};
+  report["tracking"] = {
+      {"keyframes", totals.keyframes},          {"lost", totals.lost},
+      {"recovered", tracking.recovered},        {"gaps", tracking.segments},
+      {"partly_free", totals.partly_free},      {"free_sigma_m", totals.free_sigma_m},
+      {"with_gray", tracking.with_gray},        {"hints_used", tracking.hints_used},
+      {"hints_refused", tracking.hints_refused}};
   report["maplets"] = {
       {"count", totals.maplets},
       {"bytes_min", totals.maplet_bytes_min},

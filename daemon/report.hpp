@@ -4,8 +4,8 @@
 #include <cstddef>
 #include <string>
 
+#include "core/agent/agent.hpp"
 #include "core/ports/depth_source.hpp"
-#include "core/skeleton/skeleton.hpp"
 #include "daemon/radio_link.hpp"
 #include "daemon/run_totals.hpp"
 #include "daemon/stage_stats.hpp"
@@ -15,6 +15,6 @@ namespace maplet::daemon {
 /// report.json (docs/output.md). `radio`: nullptr without DDS. Allocates: only after the run.
 [[nodiscard]] std::string report_json(const RunTotals& totals, const SourceCounters& source,
                                       const StageMeters& meters, std::size_t arena_bytes,
-                                      const RadioStatus* radio, const Skeleton& skeleton);
+                                      const RadioStatus* radio, const Agent& agent);
 
 }  // namespace maplet::daemon

@@ -6,6 +6,7 @@
 #include <sys/file.h>
 #include <unistd.h>
 
+#include <cstdlib>
 #include <cstring>
 #include <fstream>
 #include <map>
@@ -37,10 +38,11 @@ Se3 from_seven(const std::array<double, 7>& v) {
 void append_tum(OutputFile& file, Stamp stamp, const Se3& T) noexcept {
   std::array<char, 256> line;
   const auto v = seven(T);
-  const std::int64_t us = (stamp.count() + 500) / 1000;
-  const auto end = fmt::format_to_n(
-      line.data(), line.size(), "{}.{:06} {:.9f} {:.9f} {:.9f} {:.9f} {:.9f} {:.9f} {:.9f}\n",
-      us / 1000000, us % 1000000, v[0], v[1], v[2], v[3], v[4], v[5], v[6]);
+  const std::int64_t us = (std::abs(stamp.count()) + 500) / 1000;
+  const auto end = fmt::format_to_n(line.data(), line.size(),
+                                    "{}{}.{:06} {:.9f} {:.9f} {:.9f} {:.9f} {:.9f} {:.9f} {:.9f}\n",
+                                    stamp.count() < 0 ? "-" : "", us / 1000000, us % 1000000, v[0],
+                                    v[1], v[2], v[3], v[4], v[5], v[6]);
   file.append(std::string_view{line.data(), end.size});
 }
 

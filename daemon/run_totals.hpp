@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 
 #include "core/agent/agent.hpp"
@@ -11,8 +12,10 @@ namespace maplet::daemon {
 /// What a run counted, for report.json and status. Memory  fixed.
 struct RunTotals {
   std::uint64_t processed = 0;
-  std::uint64_t dropped = 0;  ///< late in recorded pace
-  std::uint64_t lost = 0;     ///< processed, but not tracked
+  std::uint64_t dropped = 0;      ///< late in recorded pace
+  std::uint64_t lost = 0;         ///< processed, but not tracked
+  std::uint64_t partly_free = 0;  ///< tracked, but along some direction nothing was seen
+  double free_sigma_m = 0.0;      ///< the largest standard deviation of a place in these
   std::uint32_t keyframes = 0;
   std::uint32_t maplets = 0;
   std::uint64_t maplet_bytes = 0;
@@ -31,6 +34,11 @@ struct RunTotals {
     ++processed;
     if (step.track.state == Track::State::kLost) ++lost;
     if (step.keyframe != nullptr) ++keyframes;
+    if (step.track.state == Track::State::kTracking && !step.track.free_axes.empty()) {
+      ++partly_free;
+      const double variance = step.track.covariance.diagonal().head<3>().maxCoeff();
+      free_sigma_m = std::max(free_sigma_m, std::sqrt(variance));
+    }
     if (step.closed != nullptr) add(*step.closed);
   }
   void add(const DeltaPose::Kind kind) noexcept {

@@ -137,6 +137,7 @@ class Agent {
 
   [[nodiscard]] const AgentIdentity& identity() const noexcept { return identity_; }
   [[nodiscard]] const Skeleton& skeleton() const noexcept { return skeleton_; }
+  [[nodiscard]] const TrackerCounters& tracking() const noexcept { return tracker_.counters(); }
   [[nodiscard]] const MapletStore& maplets() const noexcept { return store_; }
 
  private:

@@ -8,14 +8,15 @@
 #include <string_view>
 
 #include "core/base/arena.hpp"
-#include "core/maplet/maplet_ring.hpp"
+#include "core/base/byte_ring.hpp"
+#include "core/maplet/maplet.hpp"
 #include "core/registration/region.hpp"
 
 namespace maplet {
 
 /// Encoded maplets, and the region that one's frontier proposes to registration.
 ///
-/// Memory   as MapletRing, a slot has ~350 bytes
+/// Memory   as ByteRing, a slot has ~350 bytes
 class MapletStore {
  public:
   /// @param max_bytes               of one maplet
@@ -53,7 +54,7 @@ class MapletStore {
   [[nodiscard]] std::uint64_t forgotten() const noexcept { return ring_.forgotten(); }
 
  private:
-  MapletRing<RegionOfInterest> ring_;
+  ByteRing<MapletKey, RegionOfInterest> ring_;
 };
 
 }  // namespace maplet

@@ -176,8 +176,7 @@ Alignment Tracker::align(const KeyframePool::References& references, const PoseP
                     largest_sigma(covariance.bottomRightCorner<3, 3>())};
   // Intensities lead to the nearest likeness: from farther away patches go alone, and first.
   const bool near = start.sigma_m < kGrayNearM && start.sigma_rad < kGrayNearRad;
-  Alignment alignment =
-      try_from(references, prior, start, near ? gray() : photo_.none(), deadline);
+  Alignment alignment = try_from(references, prior, start, near ? gray() : photo_.none(), deadline);
   if (contradicts(alignment)) {
     photo_.learn(alignment);
     alignment = try_from(references, prior, start, photo_.none(), deadline);

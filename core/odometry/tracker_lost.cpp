@@ -53,8 +53,8 @@ Alignment Tracker::search(const KeyframePool::References& references, const Pose
     }
     PosePrior wide = prior;
     wide.information *= 0.1;
-    const Alignment tried =
-        try_from(references, wide, {start, kSearchSlackM, kSearchSlackRad}, photo_.none(), deadline);
+    const Alignment tried = try_from(references, wide, {start, kSearchSlackM, kSearchSlackRad},
+                                     photo_.none(), deadline);
     if (tried.overlap > best.overlap) best = tried;
     if (usable(best, config_) && best.overlap > kFoundOverlap) break;
   }

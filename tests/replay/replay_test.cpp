@@ -1,9 +1,12 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 // Whole missions through the real programs: the same bytes twice, and the promised accuracy.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <fstream>
 #include <set>
+#include <sstream>
 
 #include "tests/support/recordings.hpp"
 #include "tests/support/run.hpp"
@@ -75,6 +78,35 @@ TEST(Replay, SimulatedLoopStaysWithinOnePercent) {
   const auto report = report_of(dir / "out");
   EXPECT_EQ(report["tracking"]["lost"], 0);
   EXPECT_LE(report["maplets"]["bytes_mean"], 8192);
+}
+
+// Gray leads to the nearest likeness: from farther away only patches may. With stamps before zero.
+TEST(Replay, GrayDoesNotLeadAstrayAcrossGaps) {
+  const TempDir dir;
+  const fs::path walk = dir / "walk";
+  ASSERT_EQ(run({"mapletctl", "simulate", "sim:room?seed=4&frames=300&width=320&speed_m_per_s=0.4",
+                 "--out", walk.string()},
+                std::chrono::seconds{120})
+                .exit_code,
+            0);
+  for (const char* name : {"depth.txt", "rgb.txt", "groundtruth.txt"}) {
+    std::istringstream lines{text_of(walk / name)};
+    std::ofstream shifted{walk / name};
+    for (std::string line; std::getline(lines, line);) {
+      const auto space = line.find(' ');
+      if (line.starts_with('#') || space == std::string::npos) continue;
+      shifted << fmt::format("{:.6f}{}\n", std::stod(line.substr(0, space)) - 5.0,
+                             line.substr(space));
+    }
+  }
+  const Finished mapped = map_it("tum:" + walk.string() + "?every=15", dir / "out");
+  ASSERT_EQ(mapped.exit_code, 0) << mapped.err;
+  const auto report = report_of(dir / "out");
+  EXPECT_EQ(report["tracking"]["lost"], 0);
+  EXPECT_GE(report["tracking"]["with_gray"], 10);
+  const auto errors = errors_of(dir / "out", "odometry.tum", walk / "groundtruth.txt");
+  EXPECT_LE(errors["ate_rms_m"], 0.010);
+  EXPECT_GE(errors["path_m"], 2.0);
 }
 
 /// The figures that every recording's run must have.

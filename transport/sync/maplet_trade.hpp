@@ -7,8 +7,8 @@
 #include <span>
 
 #include "core/base/arena.hpp"
+#include "core/base/byte_ring.hpp"
 #include "core/base/clock.hpp"
-#include "core/maplet/maplet_ring.hpp"
 #include "transport/exchange/datagram.hpp"
 #include "transport/sync/messages.hpp"
 #include "transport/sync/record_taker.hpp"
@@ -17,7 +17,7 @@ namespace maplet {
 
 /// Maplets on the link: offered by who holds them, asked for by who wants them, sent in pieces.
 ///
-/// Memory   a MapletRing of `kept`, kAssemblies times `slot_bytes`, `known` rows: in the arena.
+/// Memory   a ByteRing of `kept`, kAssemblies times `slot_bytes`, `known` rows: in the arena.
 /// Time     O(known + kept) a call. Threads one.
 class MapletTrade {
  public:
@@ -120,7 +120,7 @@ class MapletTrade {
   void give_up(Assembly& assembly, Instant now) noexcept;
 
   Config config_;
-  MapletRing<std::uint8_t> shelf_;  ///< the note is the saliency
+  ByteRing<MapletKey, std::uint8_t> shelf_;  ///< the note is the saliency
   std::span<Known> known_;
   std::span<Assembly> assemblies_;
   std::span<Job> jobs_;

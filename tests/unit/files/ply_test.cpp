@@ -53,7 +53,9 @@ TEST(PlyMesh, SaysWhereItCannotWrite) {
     PlyMesh{}.write("/nowhere/map.ply");
     FAIL();
   } catch (const std::runtime_error& e) {
-    EXPECT_STREQ(e.what(), "cannot write /nowhere/map.ply");
+    EXPECT_STREQ(e.what(),
+                 "cannot write /nowhere/map.ply: No such file or directory; make room, or choose "
+                 "another folder");
   }
 }
 

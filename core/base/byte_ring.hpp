@@ -9,32 +9,31 @@
 #include <utility>
 
 #include "core/base/arena.hpp"
-#include "core/maplet/maplet.hpp"
 
 namespace maplet {
 
-/// Encoded maplets in a ring of bytes, each with a note: the newest `slots` of them if they have
-/// kExpectedBytes on average, else as many of the newest as fit.
+/// Blobs (encoded maplets) in a ring of bytes, each with a key and a note: the newest `slots` of
+/// them if they have kExpectedBytes on average, else as many of the newest as fit.
 ///
 /// Memory   slots x (kExpectedBytes, or max_bytes if less, + ~24 bytes + a note) in the arena.
-/// Time     find: O(1) for one agent's maplets kept in order of their ids from 0, else O(slots).
+/// Time     find: O(1) for keys kept in order of their `id` from 0, else O(slots).
 /// Threads  one
-template <class Note>
-class MapletRing {
+template <class Key, class Note>
+class ByteRing {
  public:
   static constexpr std::size_t kExpectedBytes = 4096;
 
   struct Slot {
-    MapletKey key;
+    Key key;
     std::uint32_t at = 0;
     std::uint32_t bytes = 0;  ///< 0 = empty
     Note note{};
   };
 
-  /// @param max_bytes               of one maplet
+  /// @param max_bytes               of one blob
   /// @param slots_name, bytes_name  literals for the memory ledger
-  MapletRing(std::size_t slots, std::size_t max_bytes, Arena& arena, std::string_view slots_name,
-             std::string_view bytes_name)
+  ByteRing(std::size_t slots, std::size_t max_bytes, Arena& arena, std::string_view slots_name,
+           std::string_view bytes_name)
       : max_bytes_{max_bytes},
         slots_{arena.make_array<Slot>(slots, slots_name)},
         bytes_{arena.make_array<std::byte>(
@@ -42,7 +41,7 @@ class MapletRing {
 
   /// Keeps a copy. Beyond the capacity the oldest goes.
   /// @return false: known, or too large
-  bool put(const MapletKey& key, std::span<const std::byte> bytes, const Note& note = {}) noexcept {
+  bool put(const Key& key, std::span<const std::byte> bytes, const Note& note = {}) noexcept {
     if (bytes.empty() || bytes.size() > max_bytes_ || find(key) != nullptr) return false;
     make_room(bytes.size());
     slots_[count_++ % slots_.size()] = {key, static_cast<std::uint32_t>(next_),
@@ -52,14 +51,14 @@ class MapletRing {
     return true;
   }
 
-  [[nodiscard]] const Slot* find(const MapletKey& key) const noexcept {
+  [[nodiscard]] const Slot* find(const Key& key) const noexcept {
     const auto holds = [&](const Slot& slot) { return slot.bytes != 0 && slot.key == key; };
     const Slot& likely = slots_[key.id % slots_.size()];
     if (holds(likely)) return &likely;
     const auto found = std::ranges::find_if(slots_, holds);
     return found == slots_.end() ? nullptr : &*found;
   }
-  [[nodiscard]] Slot* find(const MapletKey& key) noexcept {
+  [[nodiscard]] Slot* find(const Key& key) noexcept {
     return const_cast<Slot*>(std::as_const(*this).find(key));
   }
   /// The nth that was ever kept, forgotten() <= n < count().
