@@ -18,7 +18,11 @@ namespace maplet {
 ///
 /// Memory   as ByteRing, a slot has ~350 bytes
 class MapletStore {
+  using Ring = ByteRing<MapletKey, RegionOfInterest>;
+
  public:
+  static constexpr std::size_t kExpectedBytes = Ring::kExpectedBytes;
+
   /// @param max_bytes               of one maplet
   /// @param slots_name, bytes_name  literals for the memory ledger
   MapletStore(std::size_t slots, std::size_t max_bytes, Arena& arena,
@@ -54,7 +58,7 @@ class MapletStore {
   [[nodiscard]] std::uint64_t forgotten() const noexcept { return ring_.forgotten(); }
 
  private:
-  ByteRing<MapletKey, RegionOfInterest> ring_;
+  Ring ring_;
 };
 
 }  // namespace maplet
