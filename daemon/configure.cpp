@@ -9,7 +9,8 @@ namespace maplet::daemon {
 tl::expected<Config, ConfigError> configure(const Options& options) {
   auto config = options.config_file.empty() ? tl::expected<Config, ConfigError>{Config{}}
                                             : load_config(options.config_file);
-  if (is_record(options.source) && options.config_file.empty()) config = recorded_config(options.source);
+  if (is_record(options.source) && options.config_file.empty())
+    config = recorded_config(options.source);
   for (const std::string& assignment : options.overrides) {
     if (!config) break;
     if (const auto set = set_key(*config, assignment); !set) return tl::unexpected{set.error()};
