@@ -55,7 +55,6 @@ int App::finish() {
     log_warning("a subscriber did not take everything in time");
   }
   if (!output_) return kExitDone;
-  say_notable();
   (void)agent_->settle(Deadline::never());
   close_journal();
   totals_.unrelated = records_.refused();
@@ -75,6 +74,7 @@ int App::finish() {
     log_error(written.error());
     return kExitFailure;
   }
+  say_notable();
   // The picture tells figures of the report.
   return write_report() && draw() ? kExitDone : kExitFailure;
 }

@@ -180,7 +180,6 @@ Alignment Tracker::align(const KeyframePool::References& references, const PoseP
   if (contradicts(alignment)) {
     photo_.learn(alignment);
     alignment = try_from(references, prior, start, photo_.none(), deadline);
-    if (usable(alignment, config_)) return alignment;
   }
   const bool whole = near && usable(alignment, config_);
   if (guess.any) {
