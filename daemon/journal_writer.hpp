@@ -115,8 +115,8 @@ class JournalWriter {
   std::span<std::byte> popped_bytes_;
   journal::Store store_;
   journal::TurnBuilder turn_;
+  MonotonicClock clock_;  // the budget begins with its time
   journal::FlushBudget budget_;
-  MonotonicClock clock_;
   RadioLink* radio_ = nullptr;
 
   boost::lockfree::spsc_queue<std::byte> queue_;
