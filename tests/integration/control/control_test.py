@@ -13,7 +13,7 @@ from pathlib import Path
 
 BIN = Path(os.environ["MAPLET_BIN_DIR"])
 PATIENCE_S = 180.0 if "MAPLET_SANITIZED" in os.environ else 60.0
-SOURCE = "sim:loop?seed=7&width=160&rate_hz=10&frames=200&agent={0}&phase=0.{0}"
+SOURCE = "sim:loop?seed=7&width=160&rate_hz=10&frames={1}&agent={0}&phase=0.{0}"
 
 
 def multiply(p, q):
@@ -46,9 +46,9 @@ class Control(unittest.TestCase):
     def path(self, agent):
         return f"{self.folder}/{agent}.sock"
 
-    def start(self, agent, name=None, *more):
+    def start(self, agent, name=None, *more, frames=200):
         daemon = subprocess.Popen(
-            [str(BIN / "mapletd"), "--agent", str(agent), "--source", SOURCE.format(agent % 10),
+            [str(BIN / "mapletd"), "--agent", str(agent), "--source", SOURCE.format(agent % 10, frames),
              "--set", f"dds.domain={self.domain}",
              "--set", f"control.socket={self.path(name or agent)}",
              "--set", "dds.budget_bytes_per_s=50000", *more],
@@ -142,7 +142,8 @@ class Control(unittest.TestCase):
 
     def test_ranges_enter_the_graph_of_both(self):
         for agent in (1, 2):
-            self.start(agent, None, "--pace", "recorded")
+            # At the robots' pace: they must still be on their way when the last range is measured.
+            self.start(agent, None, "--pace", "recorded", frames=2000)
         self.until(lambda: self.status(1)["exchange"]["received"] > 0 and
                    self.status(2)["exchange"]["received"] > 0)
         domain = ("--domain", str(self.domain))
@@ -260,7 +261,7 @@ class Control(unittest.TestCase):
     def test_a_taken_socket_is_a_warning(self):
         self.start(1)
         second = subprocess.Popen(
-            [str(BIN / "mapletd"), "--agent", "3", "--source", SOURCE.format(3), "--no-dds",
+            [str(BIN / "mapletd"), "--agent", "3", "--source", SOURCE.format(3, 200), "--no-dds",
              "--set", f"control.socket={self.path(1)}"], stderr=subprocess.PIPE, text=True)
         self.daemons.append(second)
         self.assertIn("another mapletd answers there", second.stderr.readline())
