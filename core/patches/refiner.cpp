@@ -2,7 +2,6 @@
 #include "core/patches/refiner.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cstring>
 
 namespace maplet {
@@ -26,6 +25,7 @@ Refiner::Refiner(const ImageSize& largest, Arena& arena)
       plane_of_cell_{arena.make_array<std::uint8_t>(kMaxFrameCells, "patches/plane of cell")},
       looked_{arena.make_array<std::uint8_t>(kMaxFrameCells, "patches/border cells")},
       nearby_{arena.make_array<std::uint8_t>(kMaxFrameCells * kMaxNearby, "patches/nearby planes")},
+      won_{arena.make_array<std::uint8_t>(kMaxFrameCells, "patches/planes with pixels")},
       reach_{arena.make_array<std::uint8_t>(3 * kMaxFrameCells + 16, "patches/reach")},
       pixel_planes_{arena.make_array<std::uint8_t>(largest.pixels(), "patches/pixel labels")},
       planes_{arena.make_array<Candidate>(kMaxCandidates, "patches/plane candidates")},
@@ -51,7 +51,13 @@ Stop Refiner::run(const DepthFrame& frame, const Pyramid& pyramid, std::uint32_t
   least_pixels_ = least_pixels;
   width_px_ = frame.depth.width_px;
   height_px_ = frame.depth.height_px;
-  for (Candidate& plane : planes()) plane.pixels = plane.before;
+  for (Candidate& plane : planes()) {
+    plane.pixels = plane.before;
+    plane.w = plane.fit.at(0.0, 0.0);
+    plane.per_u = plane.fit.a;
+    plane.per_v = plane.fit.b;
+    plane.per_limit = static_cast<float>(1.0 / (kPixelSigmas * plane.noise_steps));
+  }
   for (int ring = 0; ring < kRings; ++ring) {
     if (look_along_borders(ring, deadline) == Stop::kDeadline) return Stop::kDeadline;
     if (ring > 0 || !bury()) continue;
@@ -130,15 +136,15 @@ bool Refiner::uniform(int i, int j) const noexcept {
 
 int Refiner::nearby(int i, int j, std::uint8_t* out) const noexcept {
   int count = 0;
-  std::array<std::uint64_t, 4> seen{0, 0, 0, std::uint64_t{1} << 63};  // kNone is no plane
+  std::uint8_t last = kNone;  // most neighbours are what the one before was
   const std::uint8_t* row = reach_.data() + reach_at(i, j) - reach_wide();
   for (int y = 0; y < 3; ++y, row += reach_wide()) {
     for (int x = -1; x <= 1; ++x) {
-      std::uint64_t& word = seen[row[x] / 64U];
-      const std::uint64_t bit = std::uint64_t{1} << (row[x] % 64U);
-      if ((word & bit) != 0 || count == kMaxNearby) continue;
-      word |= bit;
-      out[count++] = row[x];
+      if (row[x] == last || row[x] == kNone) continue;
+      last = row[x];
+      if (std::find(out, out + count, last) == out + count && count < kMaxNearby) {
+        out[count++] = last;
+      }
     }
   }
   return count;
@@ -152,14 +158,15 @@ void Refiner::look(int i, int j, const std::uint8_t* names, int count) noexcept 
   LinearDepth linear[kMaxNearby];
   for (int c = 0; c < count; ++c) {
     const Candidate& plane = planes_[names[c]];
-    linear[c] = {0.0F, static_cast<float>(plane.fit.a), static_cast<float>(plane.fit.b),
-                 static_cast<float>(1.0 / (kPixelSigmas * plane.noise_steps)), names[c]};
+    linear[c] = {0.0F, static_cast<float>(plane.per_u), static_cast<float>(plane.per_v),
+                 plane.per_limit, names[c]};
   }
   for (int v = j * cell_px_; v < end_v; v += kBlockPx) {
     for (int u = i * cell_px_; u < end_u; u += kBlockPx) {
       for (int c = 0; c < count; ++c) {
-        linear[c].corner =
-            static_cast<float>(planes_[names[c]].fit.at(u - width_px_ / 2, v - height_px_ / 2));
+        const Candidate& plane = planes_[names[c]];
+        linear[c].corner = static_cast<float>(plane.w + plane.per_u * (u - width_px_ / 2) +
+                                              plane.per_v * (v - height_px_ / 2));
       }
       const int columns = std::min(kBlockPx, end_u - u);
       const int rows = std::min(kBlockPx, end_v - v);
@@ -182,7 +189,12 @@ void Refiner::look(int i, int j, const std::uint8_t* names, int count) noexcept 
       }
     }
   }
-  for (int c = 0; c < count; ++c) planes_[names[c]].pixels += won[c];
+  unsigned winners = 0;
+  for (int c = 0; c < count; ++c) {
+    planes_[names[c]].pixels += won[c];
+    if (won[c] != 0) winners |= 1U << c;
+  }
+  won_[cell] = static_cast<std::uint8_t>(winners);
   const std::uint8_t own = plane_of_cell_[cell];
   if (own != kNone) {
     planes_[own].pixels -= pyramid_->at(Pyramid::kCellLevel, i, j).pixels;

@@ -26,6 +26,9 @@ struct Candidate {
   std::uint32_t pixels = 0;  ///< after the look
   bool alive = true;         ///< false: other planes explain most of its pixels better
   bool small = false;        ///< needs its border pixels for the fit too
+  // What the look asks of it for each pixel: 1/Z at the image's middle, and per pixel.
+  double w = 0.0, per_u = 0.0, per_v = 0.0;
+  float per_limit = 0.0F;  ///< 1 / the distance from which on a pixel does not belong to it
 };
 
 /// The second look: pixels of cells where planes end go to the adjacent plane that explains them
@@ -104,6 +107,7 @@ class Refiner {
   /// At a cell: planes that its pixels could go to, 0 = not, 255 = kept whole by its plane.
   std::span<std::uint8_t> looked_;
   std::span<std::uint8_t> nearby_;  ///< of a cell: which, kMaxNearby each
+  std::span<std::uint8_t> won_;     ///< of a cell: a bit for each of them that got a pixel
   std::span<std::uint8_t> reach_;   ///< the same; of a cell without: the one its pixels found
   std::span<std::uint8_t> pixel_planes_;
   std::span<Candidate> planes_;

@@ -96,7 +96,7 @@ bool Refiner::keeps(int i, int j, const std::uint8_t* names, int count) const no
 
 void Refiner::collect(int i, int j, const std::uint8_t* names, int count) noexcept {
   for (int c = 0; c < count; ++c) {
-    if (!planes_[names[c]].small) continue;
+    if ((won_[j * wide_ + i] >> c & 1U) == 0 || !planes_[names[c]].small) continue;
     const unsigned quarters = distinct_quarters(i, j, names, count, c);
     if (quarters == 0) continue;
     Moments moments = moments_of(i, j, names[c], quarters);

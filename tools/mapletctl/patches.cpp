@@ -44,10 +44,12 @@ Json plane_to_json(std::size_t id, const PatchSet& set, std::uint32_t pixels) {
   for (const Eigen::Vector3d& corner : extent(set, id - 1)) {
     polygon.push_back({corner.x(), corner.y(), corner.z()});
   }
-  return {{"id", id},           {"n", {p.n.x(), p.n.y(), p.n.z()}},
-          {"d", p.d},           {"area_m2", plane.area_m2},
-          {"pixels", pixels},   {"rms_mm", plane.rms_m * 1e3},
-          {"polygon", polygon}, {"theta_covariance", theta_covariance}};
+  Json out = {{"id", id},           {"n", {p.n.x(), p.n.y(), p.n.z()}},
+              {"d", p.d},           {"area_m2", plane.area_m2},
+              {"pixels", pixels},   {"rms_mm", plane.rms_m * 1e3},
+              {"polygon", polygon}, {"theta_covariance", theta_covariance}};
+  if (plane.mean_gray >= 0.0F) out["mean_gray"] = plane.mean_gray;
+  return out;
 }
 
 /// The contract's line; ids and pixels are those of labels/.
