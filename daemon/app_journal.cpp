@@ -23,7 +23,7 @@ JournalWriter::Config journal_config(const Config& config) {
   const auto maplets = static_cast<std::size_t>(limits.own_maplets);
   const auto half = static_cast<std::size_t>(config.journal.size_mib) << 19;
   const std::size_t expected = std::min(static_cast<std::size_t>(config.agent.maplet.max_bytes),
-                                        MapletStore::kExpectedBytes);
+                                        limits.expected_maplet_bytes());
   // A quarter of a half at most is carried over when the halves change.
   return {config.journal.queue_bytes(),
           {maplets, std::min(maplets * expected, half / 4),

@@ -53,7 +53,7 @@ void add_beside(MemoryLedger& ledger, const Config& config, MemoryParts parts) {
     add(ledger, "journal/queue", 1, JournalWriter::bytes_beside(config.journal.queue_bytes()));
   }
   if (parts.dds) {
-    add(ledger, "radio/queues", 1, sizeof(RadioLink) + 2 * kMiB);
+    add(ledger, "radio/queues", 1, sizeof(RadioLink) + RadioLink::queue_bytes());
     add(ledger, "dds/participants", 2, kParticipantBytes);
     add(ledger, "dds/threads, stacks", kDdsThreads, kStackBytes);
     add(ledger, "dds/publisher queues", 1, kQueueBytes);

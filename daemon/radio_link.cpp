@@ -14,7 +14,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr std::size_t kRecords = 2048;
-constexpr std::size_t kMapletBytes = std::size_t{1} << 19;
+constexpr std::size_t kMapletBytes = std::size_t{1} << 17;
 constexpr Duration kNap = 25ms;    // how long an own record may wait for the thread
 constexpr Duration kLook = 500ms;  // at the interface and for the status
 constexpr Duration kRetry = 1s;
@@ -57,6 +57,12 @@ std::size_t wire_bytes_of_datagram(const LinkProfile& profile) noexcept {
   return profile.datagram_bytes + kWireOverheadBytes;
 }
 
+SyncConfig exchange_of(const Config& config) noexcept {
+  SyncConfig exchange = config.exchange;
+  exchange.expected_maplet_bytes = config.agent.limits.expected_maplet_bytes();
+  return exchange;
+}
+
 }  // namespace
 
 void RadioLink::adjust(const Config& config) noexcept {
@@ -70,10 +76,10 @@ RadioLink::RadioLink(const Config& config, AgentIdentity identity, Arena& arena)
       identity_{identity},
       wish_all_{wish_of(config)},
       bytes_per_s_{config.radio.budget_bytes_per_s},
-      node_{arena.make<ExchangeNode>("exchange/node", config.exchange, config.radio.link_profile(),
-                                     static_cast<std::size_t>(config.agent.maplet.max_bytes),
-                                     Life{identity.agent, identity.epoch},
-                                     static_cast<RecordTaker&>(*this), arena)},
+      node_{arena.make<ExchangeNode>(
+          "exchange/node", exchange_of(config), config.radio.link_profile(),
+          static_cast<std::size_t>(config.agent.maplet.max_bytes),
+          Life{identity.agent, identity.epoch}, static_cast<RecordTaker&>(*this), arena)},
       budget_{static_cast<double>(config.radio.budget_bytes_per_s),
               wire_bytes_of_datagram(config.radio.link_profile()), MonotonicClock{}.now()},
       delta_poses_out_{kRecords},
@@ -82,6 +88,10 @@ RadioLink::RadioLink(const Config& config, AgentIdentity identity, Arena& arena)
       delta_poses_in_{kRecords},
       ranges_in_{256},
       maplets_in_{kMapletBytes} {}
+
+std::size_t RadioLink::queue_bytes() noexcept {
+  return 2 * (kRecords * sizeof(DeltaPoseRecord) + 256 * sizeof(RangeRecord) + kMapletBytes);
+}
 
 RadioLink::~RadioLink() {
   stop_ = true;

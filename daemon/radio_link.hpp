@@ -60,6 +60,8 @@ class RadioLink final : private RecordTaker, private FrameTaker {
   ~RadioLink() override;
   RadioLink(const RadioLink&) = delete;
   RadioLink& operator=(const RadioLink&) = delete;
+  /// What the queues take of the heap, at construction.
+  [[nodiscard]] static std::size_t queue_bytes() noexcept;
 
   /// Opens the link and starts the thread.
   /// @param wait  an interface that is missing is no error: keep trying

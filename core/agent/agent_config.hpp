@@ -42,6 +42,10 @@ struct LimitsConfig {
   int image_height_px = 480;
 
   [[nodiscard]] ImageSize image() const noexcept { return {image_width_px, image_height_px}; }
+  /// Of an encoded maplet, on average and rounded up: small images see fewer planes.
+  [[nodiscard]] std::size_t expected_maplet_bytes() const noexcept {
+    return image().pixels() <= ImageSize{320, 240}.pixels() ? 2560 : 4096;
+  }
 
   static constexpr Field<LimitsConfig> kFields[] = {
       {"own_maplets", &LimitsConfig::own_maplets, 2, 65536,

@@ -62,8 +62,8 @@ bool is_own(const MapletKey& key, const MapletKey& self) noexcept {
 }  // namespace
 
 Encounters::Encounters(const RegistrationConfig& config, const Capacity& capacity, Arena& arena)
-    : foreign_{capacity.foreign, capacity.maplet_bytes, arena, "agent/foreign slots",
-               "agent/foreign maplets"},
+    : foreign_{capacity.foreign,      capacity.expected_bytes, capacity.maplet_bytes, arena,
+               "agent/foreign slots", "agent/foreign maplets"},
       index_{capacity.own + capacity.foreign, arena},
       verifier_{config, kHypotheses, arena},
       a_{arena.make<Maplet>("agent/a place")},

@@ -44,7 +44,8 @@ class Encounters {
   struct Capacity {
     std::size_t own = 512;
     std::size_t foreign = 1024;
-    std::size_t maplet_bytes = 8192;
+    std::size_t expected_bytes = 4096;  ///< of a maplet, on average
+    std::size_t maplet_bytes = 8192;    ///< at most
   };
 
   Encounters(const RegistrationConfig& config, const Capacity& capacity, Arena& arena);

@@ -21,14 +21,13 @@ class MapletStore {
   using Ring = ByteRing<MapletKey, RegionOfInterest>;
 
  public:
-  static constexpr std::size_t kExpectedBytes = Ring::kExpectedBytes;
-
+  /// @param expected_bytes          of a maplet, on average
   /// @param max_bytes               of one maplet
   /// @param slots_name, bytes_name  literals for the memory ledger
-  MapletStore(std::size_t slots, std::size_t max_bytes, Arena& arena,
+  MapletStore(std::size_t slots, std::size_t expected_bytes, std::size_t max_bytes, Arena& arena,
               std::string_view slots_name = "agent/maplet slots",
               std::string_view bytes_name = "agent/own maplets")
-      : ring_{slots, max_bytes, arena, slots_name, bytes_name} {}
+      : ring_{slots, expected_bytes, max_bytes, arena, slots_name, bytes_name} {}
 
   /// Keeps a copy. Beyond the capacity the oldest goes.
   /// @return false: known, or too large

@@ -13,16 +13,14 @@
 namespace maplet {
 
 /// Blobs (encoded maplets) in a ring of bytes, each with a key and a note: the newest `slots` of
-/// them if they have kExpectedBytes on average, else as many of the newest as fit.
+/// them if they have the expected bytes on average, else as many of the newest as fit.
 ///
-/// Memory   slots x (kExpectedBytes, or max_bytes if less, + ~24 bytes + a note) in the arena.
+/// Memory   slots x (expected_bytes, or max_bytes if less, + ~24 bytes + a note) in the arena.
 /// Time     find: O(1) for keys kept in order of their `id` from 0, else O(slots).
 /// Threads  one
 template <class Key, class Note>
 class ByteRing {
  public:
-  static constexpr std::size_t kExpectedBytes = 4096;
-
   struct Slot {
     Key key;
     std::uint32_t at = 0;
@@ -30,14 +28,15 @@ class ByteRing {
     Note note{};
   };
 
+  /// @param expected_bytes          of a blob, on average
   /// @param max_bytes               of one blob
   /// @param slots_name, bytes_name  literals for the memory ledger
-  ByteRing(std::size_t slots, std::size_t max_bytes, Arena& arena, std::string_view slots_name,
-           std::string_view bytes_name)
+  ByteRing(std::size_t slots, std::size_t expected_bytes, std::size_t max_bytes, Arena& arena,
+           std::string_view slots_name, std::string_view bytes_name)
       : max_bytes_{max_bytes},
         slots_{arena.make_array<Slot>(slots, slots_name)},
         bytes_{arena.make_array<std::byte>(
-            std::max(slots * std::min(max_bytes, kExpectedBytes), max_bytes), bytes_name)} {}
+            std::max(slots * std::min(max_bytes, expected_bytes), max_bytes), bytes_name)} {}
 
   /// Keeps a copy. Beyond the capacity the oldest goes.
   /// @return false: known, or too large

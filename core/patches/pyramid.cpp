@@ -8,6 +8,21 @@ namespace maplet {
 
 namespace {
 
+/// Most finest cells of an image, with padding.
+std::size_t cells_of(const PatchConfig& config, const ImageSize& image) noexcept {
+  const int cell_px =
+      static_cast<int>(std::bit_ceil(static_cast<unsigned>(std::max(config.cell_px, kBlockPx))));
+  const int margin = std::max(1, config.max_node_px / cell_px);
+  const auto cells = static_cast<std::size_t>((image.width_px / cell_px + margin + 1) *
+                                              (image.height_px / cell_px + margin + 1));
+  return std::min(cells, kMaxFrameCells);
+}
+
+/// Cells that may be split in one frame: half of them.
+std::size_t split_cells_of(const PatchConfig& config, const ImageSize& image) noexcept {
+  return std::min(cells_of(config, image) / 2, Pyramid::kMaxSplitCells);
+}
+
 std::size_t blocks_of(const ImageSize& image) noexcept {
   const ImageSize blocks = image.decimated(kBlockPx);
   return blocks.pixels();
@@ -47,12 +62,14 @@ Pyramid::Pyramid(const PatchConfig& config, const ImageSize& largest, Arena& are
     : config_{config},
       largest_{largest},
       sum_blocks_{block_variants().back().sum},
-      nodes_{arena.make_array<PyramidNode>(kMaxFrameCells * 4 / 3 + 1, "patches/pyramid")},
+      nodes_{
+          arena.make_array<PyramidNode>(cells_of(config, largest) * 4 / 3 + 1, "patches/pyramid")},
       blocks_{arena.make_array<BlockSums>(blocks_of(largest), "patches/blocks")},
-      cell_fits_{arena.make_array<Fit>(kMaxFrameCells, "patches/planes of cells")},
-      quarters_{arena.make_array<PyramidNode>(kMaxSplitCells * 4, "patches/quarters")},
-      quarter_fits_{arena.make_array<Fit>(kMaxSplitCells * 4, "patches/planes of quarters")},
-      split_{arena.make_array<std::int16_t>(kMaxFrameCells, "patches/split cells")} {}
+      cell_fits_{arena.make_array<Fit>(cells_of(config, largest), "patches/planes of cells")},
+      split_limit_{split_cells_of(config, largest)},
+      quarters_{arena.make_array<PyramidNode>(split_limit_ * 4, "patches/quarters")},
+      quarter_fits_{arena.make_array<Fit>(split_limit_ * 4, "patches/planes of quarters")},
+      split_{arena.make_array<std::int16_t>(cells_of(config, largest), "patches/split cells")} {}
 
 bool Pyramid::try_cells(int cell_px) noexcept {
   cell_px_ = cell_px;
@@ -173,7 +190,7 @@ void Pyramid::fit_cell(PyramidNode& cell, Fit& f) const noexcept {
 }
 
 bool Pyramid::split_cell(int i, int j) noexcept {
-  if (split_count_ == kMaxSplitCells) return false;
+  if (split_count_ == split_limit_) return false;
   split_[j * padded_width_ + i] = static_cast<std::int16_t>(split_count_);
   PyramidNode* quarters = quarters_.data() + split_count_ * 4;
   Fit* fits = quarter_fits_.data() + split_count_ * 4;

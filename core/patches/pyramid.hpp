@@ -27,8 +27,8 @@ struct PyramidNode {
 /// Moments of all squares of the image: cells at level 1, each level above twice as coarse. The
 /// quarters of a cell, level 0, are made only where somebody asks for them: at edges.
 ///
-/// Memory   fixed, from the arena: the sums of each 8 x 8 block, 4/3 kMaxFrameCells nodes, 4
-///          kMaxSplitCells quarters, a plane for each cell and quarter.
+/// Memory   fixed, from the arena: for the largest image, the sums of each 8 x 8 block, 4/3
+///          nodes a cell, the quarters of half of the cells, a plane for each cell and quarter.
 /// Time     fill(): O(pixels), vectorised; overruns its deadline by one row of cells at most.
 /// Threads  one at a time.
 /// Math     docs/math/patches.md, eq. 1-2
@@ -59,7 +59,7 @@ class Pyramid {
   }
   /// Makes the quarters of a cell, from sums that fill() has kept; those that are not flat may be
   /// left without pixels.
-  /// @return false when kMaxSplitCells have been split already
+  /// @return false when half of the cells, or kMaxSplitCells, have been split already
   bool split_cell(int i, int j) noexcept;
 
   [[nodiscard]] int cell_px() const noexcept { return cell_px_; }
@@ -130,6 +130,7 @@ class Pyramid {
   std::span<PyramidNode> nodes_;
   std::span<BlockSums> blocks_;  ///< row by row, blocks_wide_ in each
   std::span<Fit> cell_fits_;
+  std::size_t split_limit_;
   std::span<PyramidNode> quarters_;
   std::span<Fit> quarter_fits_;
   std::span<std::int16_t> split_;  ///< of a cell: index of its quarters / 4

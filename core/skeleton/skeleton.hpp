@@ -25,8 +25,8 @@ namespace maplet {
 [[nodiscard]] std::uint64_t hash_of(const MapletKey& key) noexcept;
 
 struct SkeletonConfig {
-  int max_nodes = 2048;
-  int max_factors = 8192;
+  int max_nodes = 1536;
+  int max_factors = 6144;
   int blocks_per_node = 12;
   double closure_sigmas = 3.0;  ///< how much larger standard deviations are taken in the gate
   bool condense = true;         ///< at the limits; else what comes then is turned away

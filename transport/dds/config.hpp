@@ -14,7 +14,7 @@ struct DdsConfig {
   int domain = 0;
   std::string interface = "lo";    ///< not a key: the local domain never leaves the robot
   std::vector<std::string> peers;  ///< addresses to look for others at; lo has its own
-  int delta_pose_history = 512;
+  int delta_pose_history = 256;
   int maplet_history = 32;
 
   static constexpr Field<DdsConfig> kFields[] = {

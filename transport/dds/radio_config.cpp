@@ -63,7 +63,7 @@ std::string cyclone_radio_xml(const RadioConfig& config, int participant_index, 
       "<FragmentSize>1280B</FragmentSize></General>"
       "<Discovery><ParticipantIndex>{}</ParticipantIndex>"
       "<MaxAutoParticipantIndex>{}</MaxAutoParticipantIndex>{}"
-      "<SPDPInterval>120s</SPDPInterval><LeaseDuration>400s</LeaseDuration></Discovery>"
+      "<SPDPInterval>120s</SPDPInterval><LeaseDuration>1200s</LeaseDuration></Discovery>"
       "<Internal><MultipleReceiveThreads>false</MultipleReceiveThreads>{}"
       "<SocketReceiveBufferSize min=\"64KiB\" max=\"256KiB\"/>"
       "<Watermarks><WhcHigh>64KiB</WhcHigh><WhcAdaptive>false</WhcAdaptive></Watermarks>"

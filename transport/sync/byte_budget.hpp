@@ -58,7 +58,7 @@ class ByteBudget {
  private:
   static constexpr std::size_t kBins = 42;  // a little more than the window: it never begins late
   static constexpr Duration kBin = std::chrono::milliseconds{250};
-  static constexpr double kBulkShare = 0.9;
+  static constexpr double kBulkShare = 0.75;  // a meeting finds room for its records
   using Bins = std::array<std::uint32_t, kBins>;
 
   static std::uint64_t sum(const Bins& bins) noexcept {

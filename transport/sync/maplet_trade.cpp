@@ -28,7 +28,8 @@ bool intact(std::span<const std::byte> maplet) noexcept {
 
 MapletTrade::MapletTrade(const Config& config, Arena& arena)
     : config_{config},
-      shelf_{config.kept, config.slot_bytes, arena, "exchange/maplet slots", "exchange/maplets"},
+      shelf_{config.kept, config.expected_bytes,   config.slot_bytes,
+             arena,       "exchange/maplet slots", "exchange/maplets"},
       known_{arena.make_array<Known>(config.known, "exchange/maplets known")},
       assemblies_{arena.make_array<Assembly>(kAssemblies, "exchange/maplet assemblies")},
       jobs_{arena.make_array<Job>(kJobs, "exchange/maplet jobs")} {

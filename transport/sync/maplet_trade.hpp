@@ -27,7 +27,8 @@ class MapletTrade {
   struct Config {
     std::size_t kept = 512;
     std::size_t known = 1024;
-    std::size_t slot_bytes = 8192;
+    std::size_t expected_bytes = 4096;            ///< of a maplet
+    std::size_t slot_bytes = 8192;                ///< at most
     Duration patience = std::chrono::seconds{3};  ///< without a piece, before asking again
   };
   struct Counters {

@@ -19,7 +19,7 @@ MapletTrade::Config trade_config(const SyncConfig& config, const LinkProfile& pr
                                  std::size_t maplet_bytes) noexcept {
   return {static_cast<std::size_t>(config.maplets_kept),
           std::max<std::size_t>(1024, 2 * static_cast<std::size_t>(config.maplets_kept)),
-          maplet_bytes, 3 * profile.quick};
+          config.expected_maplet_bytes, maplet_bytes, 3 * profile.quick};
 }
 
 }  // namespace
@@ -299,6 +299,7 @@ bool ExchangeNode::write_requests(DatagramWriter& out, Instant now) noexcept {
           want.range.seqs,
           [&](const SeqRange& gap) { missing.first = std::min(missing.first, gap.first); });
     }
+    if (missing.first > want.range.seqs.first) want.tries = 0;  // the holder answers
     want.range.seqs.first = missing.first;
     if (missing.first >= missing.end || want.tries >= kMaxTries) {
       wants_.erase(wants_.begin() + static_cast<std::ptrdiff_t>(i));
@@ -313,7 +314,7 @@ bool ExchangeNode::write_requests(DatagramWriter& out, Instant now) noexcept {
       (void)write_ranges({&want.range, 1}, std::span{body}.subspan(head), written);
       if (!out.add(EntryKind::kRequest, std::span{body}.first(head + written))) return any;
       any = true;
-      want.due = now + profile_.holdoff * (3 + want.tries) / 2 + jitter(profile_.quick / 4);
+      want.due = now + profile_.again * (3 + want.tries) / 4 + jitter(profile_.quick / 4);
       ++want.tries;
     }
     ++i;

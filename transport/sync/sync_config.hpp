@@ -12,12 +12,13 @@ namespace maplet {
 /// What is kept for the others. Section [exchange]. Sizes the arena.
 struct SyncConfig {
   int max_lives = 256;
-  int records_kept = 8192;
+  int records_kept = 6144;
   int ranges_kept = 1024;
   int maplets_kept = 512;
   std::string maplets = "all";
   Duration idle_interval = std::chrono::seconds{45};
   Duration linger = std::chrono::seconds{10};
+  std::size_t expected_maplet_bytes = 4096;  ///< no key: what the images' size makes of them
 
   static constexpr Field<SyncConfig> kFields[] = {
       {"max_lives", &SyncConfig::max_lives, 2, 1024,
@@ -44,7 +45,7 @@ struct LinkProfile {
   bool mixed = false;  ///< small things share datagrams; else each kind of traffic has its own
   Duration quick =
       std::chrono::milliseconds{800};  ///< between two digests while something is unconfirmed
-  Duration holdoff = std::chrono::milliseconds{500};  ///< nothing is sent twice within
+  Duration holdoff = std::chrono::milliseconds{350};  ///< nothing is sent twice within
   Duration again = std::chrono::milliseconds{900};    ///< news are said anew, if not confirmed
   std::size_t assemblies = 4;
 };

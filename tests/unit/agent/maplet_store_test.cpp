@@ -18,7 +18,7 @@ MapletKey own(std::uint32_t id) { return {1, 1, id}; }
 class Store : public testing::Test {
  protected:
   Arena arena_{1 << 20};
-  MapletStore store_{3, 100, arena_};
+  MapletStore store_{3, 100, 100, arena_};
 
   bool put(const MapletKey& key, const std::vector<std::byte>& bytes) {
     return store_.put(key, bytes);
@@ -51,7 +51,7 @@ TEST_F(Store, TakesEachOnceAndNoneTooLarge) {
 // Long ones take the room of several: whatever is still found is what was put, newest first.
 TEST(StoreOfUnequalMaplets, KeepsTheNewestThatFit) {
   Arena arena{1 << 20};
-  MapletStore store{8, 9000, arena};  // 32 KiB
+  MapletStore store{8, 4096, 9000, arena};  // 32 KiB
   std::uint32_t random = 7;
   std::vector<std::size_t> sizes;
   for (std::uint32_t id = 0; id < 500; ++id) {

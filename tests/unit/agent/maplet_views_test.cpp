@@ -58,7 +58,7 @@ TEST(MapletDrawing, PutsPlanesWhereTheCameraSeesThem) {
 // A tracker that walks away from its first view, makes maplets of its keyframes and is lost.
 class Walk {
  public:
-  Walk() : store_{64, 16384, arena_}, views_{store_, arena_}, builder_{maplet_, arena_} {
+  Walk() : store_{64, 4096, 16384, arena_}, views_{store_, arena_}, builder_{maplet_, arena_} {
     tracker_ = std::make_unique<Tracker>(odometry_, arena_);
   }
   void hold_maplets() { tracker_->look_through(views_); }
@@ -150,7 +150,7 @@ TEST(MapletViews, WithoutThemTheSameCameraBeginsANewSegment) {
 
 TEST(MapletViews, AMapletThatTheStoreForgotIsNoView) {
   Arena arena;
-  MapletStore store{4, 16384, arena};
+  MapletStore store{4, 4096, 16384, arena};
   MapletViews views{store, arena};
   Keyframe keyframe;
   keyframe.stamp = Stamp{5};
