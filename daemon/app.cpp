@@ -49,7 +49,7 @@ App::App(const Options& options, const Config& config, StateDirectory state,
             }},
       budget_{config.agent.frame.budget},
       given_{budget_} {
-  if (replayed_) flight_.replay(std::move(replayed_->file));
+  if (replayed_) flight_.replay(std::move(replayed_->file), config.agent.limits.image());
   agent_->use_clock(flight_);
   if (pace_ != Pace::kFast && !replayed_)
     frames_ = std::make_unique<FramePool>(config.agent.limits.image().pixels());
@@ -84,7 +84,11 @@ int App::run() {
   flight_.replayed_stop(gone_);
   stop_counting_allocations();
   notify_stopping();
-  totals_.complete = ended_well && !stop_asked();
+  if (flight_.damaged()) {
+    log_warning(fmt::format("{}: damaged behind frame {}: it is replayed up to there",
+                            config_.input.source, source_counters().read));
+  }
+  totals_.complete = ended_well && !flight_.flag(stop_asked()) && !stop_asked();
   if (stop_asked() && output_) {
     log_warning(fmt::format("stopped by a signal after {} frames; the folder has what was done",
                             totals_.processed));

@@ -166,6 +166,7 @@ class App {
   Instant last_status_{};
   Instant last_near_{};
   Instant snapshot_at_{};
+  Instant piece_at_{};
   std::uint64_t snapshot_digest_ = 0;
   int snapshot_next_ = -1;  ///< node; -1: none is being made
   Instant last_news_{};     ///< something entered the skeleton

@@ -165,6 +165,7 @@ void App::rest() {
     settle(Deadline::never());
     if (flight_.now() - last_status_ >= 1s) publish_status(StatusRecord::State::kRunning);
     if (!replayed_) std::this_thread::sleep_for(50ms);
+    flight_.keep_going();
   }
 }
 

@@ -15,6 +15,8 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr Duration kSnapshots = 10min;
+constexpr Duration kPieces = 1min;                // of one: each takes up to 5.6 KB
+constexpr std::size_t kSnapshotAtEnd = 8 * 1024;  // bytes: a larger one is left as it was
 
 }  // namespace
 
@@ -32,6 +34,7 @@ JournalWriter::Config journal_config(const Config& config) {
 
 void App::open_journal() {
   for (const std::string& line : state_.said()) log_warning(line);
+  snapshot_at_ = machine_.now();
   if (state_.mode() == StateDirectory::Mode::kJournal) {
     journal_ = std::make_unique<JournalWriter>(*state_.file(), state_.survey(),
                                                Life{identity_.agent, identity_.epoch},
@@ -40,11 +43,17 @@ void App::open_journal() {
 }
 
 void App::resume_mission() {
+  if (replayed_) {
+    if (!replayed_->resumed) return;
+    if (const auto first = resume_again(flight_, *agent_, records_)) agent_->begin_part(*first);
+    return;
+  }
   if (!state_.holds_mission() && state_.imported().empty()) {
     if (journal_) journal_->put(journal::Part{0, wall_clock_s()});
     return;
   }
-  const Resumed resumed = resume(state_, *agent_, radio_.get(),
+  flight_.wait_for_disk(true);  // a mission is recorded whole
+  const Resumed resumed = resume(state_, *agent_, radio_.get(), flight_,
                                  static_cast<std::size_t>(config_.agent.limits.own_maplets));
   log_info(to_line(resumed));
   auto ends = state_.survey().ends;
@@ -52,6 +61,8 @@ void App::resume_mission() {
   records_.go_on(ends);
   const std::uint32_t first = ends[static_cast<std::size_t>(Stream::kMaplets)];
   agent_->begin_part(first);
+  if (flight_.recording()) flight_.note_restored(ends);
+  flight_.wait_for_disk(pace_ == Pace::kFast);
   for (std::size_t i = 0; radio_ && i < kStreams; ++i)
     radio_->restored(static_cast<Stream>(i), ends[i]);
   if (journal_) journal_->put(journal::Part{first, wall_clock_s()});
@@ -63,17 +74,25 @@ std::int64_t App::wall_clock_s() {
       .count();
 }
 
-// A piece between two frames: nobody waits for a whole skeleton to be copied.
+// A piece a minute: a snapshot costs no more than what may be written while nothing is found out.
 void App::note_skeleton(bool all) {
   if (!journal_) return;
   const Skeleton& skeleton = agent_->skeleton();
-  if (snapshot_next_ < 0) {
-    const bool due = all || flight_.now() - snapshot_at_ > kSnapshots;
-    if (!due || skeleton.node_count() == 0 || skeleton.records_digest() == snapshot_digest_) return;
-    snapshot_at_ = flight_.now();
+  const Instant now = machine_.now();  // nothing that a replay has to know
+  if (all || snapshot_next_ < 0) {
+    const bool small =
+        static_cast<std::size_t>(skeleton.node_count()) * sizeof(journal::NodePose) <=
+        kSnapshotAtEnd;
+    const bool due = all ? small : now - snapshot_at_ > kSnapshots;
+    const bool same = snapshot_next_ < 0 && skeleton.records_digest() == snapshot_digest_;
+    if (!due || skeleton.node_count() == 0 || same) return;
+    snapshot_at_ = now;
     snapshot_digest_ = skeleton.records_digest();
     snapshot_next_ = 0;
+  } else if (now - piece_at_ < kPieces) {
+    return;
   }
+  piece_at_ = now;
   do {
     std::array<journal::NodePose, journal::Poses::kMost> poses;
     std::size_t count = 0;

@@ -164,7 +164,7 @@ struct Said {
   MapletKey a;
   MapletKey b;
   std::array<double, 7> T{};
-  bool accept = false;
+  std::uint8_t accept = 0;
 };
 
 }  // namespace
@@ -175,11 +175,21 @@ void FlightLog::said(const DeltaPose& closure) noexcept {
              bytes_of(Said{closure.a,
                            closure.b,
                            {T.t.x(), T.t.y(), T.t.z(), T.q.x(), T.q.y(), T.q.z(), T.q.w()},
-                           true}));
+                           1}));
 }
 
 void FlightLog::decided(const MapletKey& a, const MapletKey& b, bool accept) noexcept {
-  note_event(Event::kDecide, bytes_of(Said{a, b, {}, accept}));
+  note_event(Event::kDecide, bytes_of(Said{a, b, {}, static_cast<std::uint8_t>(accept ? 1 : 0)}));
+}
+
+bool FlightLog::replayed_decision(MapletKey& a, MapletKey& b, bool& accept) noexcept {
+  Said s;
+  if (peek() != Event::kDecide || !value_of(body(), s)) return false;
+  pass();
+  a = s.a;
+  b = s.b;
+  accept = s.accept != 0;
+  return true;
 }
 
 void FlightLog::repeat_operators(Agent& agent) noexcept {
@@ -190,7 +200,7 @@ void FlightLog::repeat_operators(Agent& agent) noexcept {
     pass();
     if (!good) continue;
     if (!says) {
-      (void)agent.decide(s.a, s.b, s.accept, Deadline::never());
+      (void)agent.decide(s.a, s.b, s.accept != 0, Deadline::never());
       continue;
     }
     DeltaPose closure;
@@ -205,11 +215,18 @@ void FlightLog::repeat_operators(Agent& agent) noexcept {
 }
 
 bool FlightLog::fill() const noexcept {
+  if (damaged_) return false;
   while (at_ + kEventHead > events_.size()) {
     const flight::RingReader::Entry* entry = reader_->next();
     if (entry == nullptr) return false;
     at_ = 0;
-    if (entry->type != Block::kEvents || !reader_->read(*entry, events_)) events_.clear();
+    events_.clear();
+    if (entry->type != Block::kEvents) continue;  // pixels of a frame that nobody asked for
+    if (!reader_->read(*entry, events_)) {
+      events_.clear();
+      damaged_ = true;  // what came after it would be taken for what came then
+      return false;
+    }
   }
   return true;
 }
@@ -227,12 +244,26 @@ std::span<const std::byte> FlightLog::body() const noexcept {
       at_ + kEventHead, std::min(size, events_.size() - at_ - kEventHead));
 }
 
-void FlightLog::pass() const noexcept { at_ += kEventHead + body().size(); }
+void FlightLog::pass() const noexcept {
+  at_ += kEventHead + body().size();
+  ++passed_;
+}
 
 bool FlightLog::take(Event event) noexcept {
   if (!reader_ || peek() != event) return false;
   pass();
   return true;
+}
+
+void FlightLog::note_restored(const std::array<std::uint32_t, kStreams>& ends) noexcept {
+  note_event(Event::kRestored, bytes_of(ends));
+}
+
+bool FlightLog::replayed_restored(std::array<std::uint32_t, kStreams>& ends) noexcept {
+  if (peek() != Event::kRestored) return false;
+  const bool good = value_of(body(), ends);
+  pass();
+  return good;
 }
 
 void FlightLog::note_stop(const SourceCounters& counters) noexcept {
@@ -243,6 +274,14 @@ void FlightLog::replayed_stop(SourceCounters& counters) noexcept {
   if (!reader_ || peek() != Event::kStop) return;
   (void)value_of(body(), counters);
   pass();
+}
+
+// A run that asks for other things than the one that was recorded (another configuration) may wait
+// for what does not come: then the next event goes.
+void FlightLog::keep_going() noexcept {
+  if (!reader_ || over()) return;
+  if (passed_ == passed_before_) pass();
+  passed_before_ = passed_;
 }
 
 bool FlightLog::over() const noexcept {
@@ -279,7 +318,8 @@ bool FlightLog::replayed(RangeReport& report) noexcept {
 }
 
 std::size_t FlightLog::replayed_maplet(MapletKey& key, std::span<std::byte> bytes) noexcept {
-  if (peek() != Event::kMaplet || !value_of(body(), key)) return 0;
+  if (peek() != Event::kMaplet) return 0;
+  const bool good = value_of(body(), key);
   pass();
   std::size_t size = 0;
   while (peek() == Event::kBytes) {
@@ -288,16 +328,12 @@ std::size_t FlightLog::replayed_maplet(MapletKey& key, std::span<std::byte> byte
     size += piece.size();
     pass();
   }
-  return size;
+  return good ? size : 0;
 }
 
 bool FlightLog::read_pixels(flight::FrameNumbers& numbers) noexcept {
   DepthFrame& frame = numbers.frame;
-  if (frame.depth.width_px < 1 || frame.depth.height_px < 1 ||
-      frame.depth.width_px > static_cast<int>(kMaxWidthPx) ||
-      frame.depth.height_px > static_cast<int>(kMaxHeightPx)) {
-    return false;
-  }
+  if (!flight::sane(numbers, most_)) return false;
   const auto* entry = reader_->next();
   if (entry == nullptr || entry->type != Block::kDepth || !reader_->read(*entry, block_))
     return false;
@@ -339,8 +375,10 @@ Expected<DepthFrame> FlightLog::replayed_frame() noexcept {
     pass();
     flight::FrameNumbers numbers;
     visit(body, numbers, false);
-    if (!body.good() || !read_pixels(numbers))
+    if (!body.good() || !read_pixels(numbers)) {
+      damaged_ = true;
       return fail(ErrorCode::kEnd, "the record is damaged");
+    }
     return numbers.frame;
   }
 }

@@ -32,9 +32,15 @@ class FlightLog final : public Clock {
 
   /// @param pixels  of the largest frame
   void record(std::unique_ptr<FlightWriter> writer, bool patient, std::size_t pixels);
-  void replay(std::unique_ptr<flight::RingReader> reader) { reader_ = std::move(reader); }
+  /// @param most  the largest image that there is room for
+  void replay(std::unique_ptr<flight::RingReader> reader, ImageSize most) {
+    reader_ = std::move(reader);
+    most_ = most;
+  }
   [[nodiscard]] bool recording() const noexcept { return writer_ != nullptr; }
   [[nodiscard]] bool replaying() const noexcept { return reader_ != nullptr; }
+  /// Replaying: it ended where something cannot be read.
+  [[nodiscard]] bool damaged() const noexcept { return damaged_; }
   [[nodiscard]] FlightWriter* writer() noexcept { return writer_.get(); }
 
   [[nodiscard]] Instant now() const noexcept override;
@@ -70,6 +76,7 @@ class FlightLog final : public Clock {
 
   void said(const DeltaPose& closure) noexcept;  ///< an operator
   void decided(const MapletKey& a, const MapletKey& b, bool accept) noexcept;
+  [[nodiscard]] bool replayed_decision(MapletKey& a, MapletKey& b, bool& accept) noexcept;
   /// Replaying: does what operators did here.
   void repeat_operators(Agent& agent) noexcept;
 
@@ -77,7 +84,10 @@ class FlightLog final : public Clock {
   /// Replaying: what its source had counted.
   void replayed_stop(SourceCounters& counters) noexcept;
   void note_mark() noexcept { note_event(flight::Event::kMark, {}); }
-  void note_restored() noexcept { note_event(flight::Event::kRestored, {}); }
+  void note_restored(const std::array<std::uint32_t, kStreams>& ends) noexcept;
+  /// Replaying: that was all of earlier runs. @param ends  own records up to here
+  [[nodiscard]] bool replayed_restored(std::array<std::uint32_t, kStreams>& ends) noexcept;
+  void wait_for_disk(bool patient) noexcept { patient_ = patient; }
   void note(const DeltaPoseRecord& record) noexcept;
   void note(const RangeRecord& record) noexcept;
   void note(const RangeReport& report) noexcept;
@@ -87,6 +97,8 @@ class FlightLog final : public Clock {
   [[nodiscard]] flight::Event peek() const noexcept;
   /// Replaying: the loop was over here, or nothing more is recorded.
   [[nodiscard]] bool over() const noexcept;
+  /// Replaying: once a round of a loop that may wait for something.
+  void keep_going() noexcept;
   [[nodiscard]] bool replayed(DeltaPoseRecord& record) noexcept;
   [[nodiscard]] bool replayed(RangeRecord& record) noexcept;
   [[nodiscard]] bool replayed(RangeReport& report) noexcept;
@@ -115,6 +127,10 @@ class FlightLog final : public Clock {
   std::unique_ptr<flight::RingReader> reader_;
   mutable std::vector<std::byte> events_;
   mutable std::size_t at_ = 0;
+  mutable bool damaged_ = false;
+  mutable std::uint64_t passed_ = 0;  ///< events
+  std::uint64_t passed_before_ = 0;
+  ImageSize most_;
   mutable Instant last_{};
   std::vector<std::byte> block_;
   std::vector<std::uint16_t> depth_;

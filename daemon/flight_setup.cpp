@@ -62,11 +62,6 @@ tl::expected<std::optional<Flight>, std::string> open_flight(const Config& confi
                 ": its beginning was overwritten: what is left is replayed from an empty "
                 "map, which is not what ran");
   }
-  if (head->value("resumed", false)) {
-    log_warning(path +
-                ": what ran went on with a mission from its --state, which the record does "
-                "not hold: the replay begins with an empty map");
-  }
   Flight flight;
   flight.identity = {(*head)["agent"].get<std::uint16_t>(), (*head)["epoch"].get<std::uint32_t>()};
   if (const auto ran = parse_config((*head)["config"].get<std::string>(), path))
@@ -74,6 +69,7 @@ tl::expected<std::optional<Flight>, std::string> open_flight(const Config& confi
   flight.pace = static_cast<Pace>(std::min((*head)["pace"].get<unsigned>(), 2U));
   flight.radio = head->value("radio", false);
   flight.finite = head->value("finite", false);
+  flight.resumed = head->value("resumed", false);
   flight.file = std::move(*file);
   return std::optional<Flight>{std::move(flight)};
 }

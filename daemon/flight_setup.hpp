@@ -24,6 +24,7 @@ struct Flight {
   Pace pace = Pace::kFast;
   bool radio = false;
   bool finite = false;
+  bool resumed = false;  ///< it went on with a mission, which stands before the first frame
 };
 
 /// Replays have no source: FlightLog gives the frames.

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <utility>
 
 #include "daemon/alloc_counter.hpp"
 #include "daemon/log.hpp"
@@ -21,6 +22,12 @@ using namespace std::chrono_literals;
 
 constexpr Duration kNap = 20ms;
 constexpr Duration kRetry = 2s;
+constexpr Duration kLooks = 2s;  // for the file's name
+constexpr std::size_t kWorthAPage = 64;
+
+bool is_new(const journal::Survey& survey) noexcept {
+  return survey.state != journal::Survey::State::kGood;
+}
 
 }  // namespace
 
@@ -61,13 +68,11 @@ JournalWriter::JournalWriter(journal::BlockFile& file, const journal::Survey& su
       popped_bytes_{arena.make_array<std::byte>(kMaxMapletBytes, "journal/item")},
       store_{file, scratch_},
       turn_{buffer_, self},
-      budget_{clock_.now()},
+      budget_{(is_new(survey) ? 2 : 1) * journal::kPageBytes, clock_.now()},
       queue_{config.queue_bytes},
       capacity_{config.queue_bytes} {
   status_.state = JournalStatus::State::kOn;
-  budget_.wrote(static_cast<std::size_t>(journal::FlushBudget::kMost) -
-                journal::kPageBytes);  // one page to begin with
-  if (survey.state == journal::Survey::State::kGood) {
+  if (!is_new(survey)) {
     good_ = store_.go_on(survey, config_.keep);
     turn_.know_ends(survey.ends);
     safe_ends_ = survey.ends;
@@ -190,7 +195,13 @@ bool JournalWriter::add_popped() noexcept {
 
 bool JournalWriter::take() noexcept {
   while (popped_ || pop()) {
+    const std::size_t before = turn_.payload_bytes();
     if (!add_popped()) return true;
+    // Snapshots and starts are no news: they are paid from what is allowed a minute.
+    if (popped_->kind != ItemKind::kPoses && popped_->kind != ItemKind::kPart) {
+      news_ += turn_.payload_bytes() - before;
+      budget_.recorded(turn_.payload_bytes() - before);
+    }
     popped_.reset();
   }
   return false;
@@ -201,10 +212,12 @@ void JournalWriter::loop() noexcept {
     const bool stopping = stop_;
     const bool full = take();
     const Instant now = clock_.now();
-    budget_.recorded(turn_.payload_bytes() - counted_);
-    counted_ = turn_.payload_bytes();
     const std::size_t pages = journal::pages_of(turn_.payload_bytes()) * journal::kPageBytes;
-    const bool due = full || hurry_ || stopping || budget_.allows(pages, now);
+    look_for_file(now);
+    // That a start was there is worth a page for itself when it is the mission's first one.
+    const bool alone = turn_.payload_bytes() < kWorthAPage && news_ == 0 && store_.holds_turns();
+    const bool due =
+        full || hurry_ || stopping || removed_ || (!alone && budget_.allows(pages, now));
     if (!turn_.empty() && due && (good_ || now >= retry_at_ || stopping)) write(now);
     idle_ = turn_.empty() && !popped_ && queue_.read_available() == 0;
     note();
@@ -213,26 +226,50 @@ void JournalWriter::loop() noexcept {
   }
 }
 
+void JournalWriter::look_for_file(Instant now) noexcept {
+  if (removed_ || now < look_at_) return;
+  look_at_ = now + kLooks;
+  removed_ = file_.removed();
+  if (!removed_) return;
+  good_ = true;  // nobody waits for it
+  const ThirdPartyScope rare;
+  log_error(
+      "the journal's file was removed: the mission goes on in memory; the next start begins "
+      "another "
+      "one");
+}
+
 void JournalWriter::write(Instant now) noexcept {
+  if (file_.removed()) look_at_ = now;
+  look_for_file(now);
+  if (removed_) {  // the next start has another epoch: these numbers are never given again
+    say(turn_.payload());
+    turn_.clear();
+    news_ = 0;
+    return;
+  }
   const std::uint64_t before = store_.bytes_written() - store_.bytes_carried();
-  const std::uint64_t bytes = turn_.payload_bytes();
   const auto ends = turn_.ends();
   const std::span<const std::byte> payload = turn_.payload();
   if (!store_.append(turn_, config_.keep)) return refused(now);
   if (!good_) log_info("the journal can be written again");
   good_ = true;
   safe_ends_ = ends;
-  counted_ = 0;
   budget_.wrote(store_.bytes_written() - store_.bytes_carried() - before);
   {
     const std::scoped_lock lock{mutex_};
-    status_.record_bytes += bytes;
+    status_.record_bytes += std::exchange(news_, 0);
     ++status_.flushes;
     status_.flushed = safe_ends_;
   }
+  say(payload);  // the turn is empty, its bytes are still there
+}
+
+// A turn's own records go on the air.
+void JournalWriter::say(std::span<const std::byte> payload) noexcept {
   if (radio_ == nullptr) return;
   Air air{*radio_, self_, stop_};
-  (void)journal::read_items(payload, self_, air);  // the turn is empty, its bytes are still there
+  (void)journal::read_items(payload, self_, air);
 }
 
 void JournalWriter::refused(Instant now) noexcept {
@@ -256,11 +293,12 @@ void JournalWriter::note() noexcept {
         "the journal is given up: too much waits for the disk; the mission goes on in memory, and "
         "what is found out from now on stays off the air until a restart");
   }
-  status_.state = given_up ? JournalStatus::State::kGivenUp
-                  : good_  ? JournalStatus::State::kOn
-                           : JournalStatus::State::kWaiting;
-  status_.error = good_ ? 0 : file_.error();
-  status_.flushed = safe_ends_;
+  status_.state = removed_   ? JournalStatus::State::kRemoved
+                  : given_up ? JournalStatus::State::kGivenUp
+                  : good_    ? JournalStatus::State::kOn
+                             : JournalStatus::State::kWaiting;
+  status_.error = removed_ ? ENOENT : good_ ? 0 : file_.error();
+  status_.flushed = removed_ ? decltype(safe_ends_){} : safe_ends_;
   status_.written_bytes = store_.bytes_written();
   status_.carried_bytes = store_.bytes_carried();
   status_.generation = store_.generation();

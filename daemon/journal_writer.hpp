@@ -25,11 +25,12 @@ struct JournalStatus {
     kOn,
     kWaiting,  ///< the disk refuses: tried again, records wait
     kGivenUp,  ///< too much waits: the mission goes on in memory
+    kRemoved,  ///< somebody removed the file: the same, and a later start begins another mission
   };
   State state = State::kOff;
   int error = 0;                                  ///< errno of the last refusal
   std::array<std::uint32_t, kStreams> flushed{};  ///< own records below these are safe
-  std::uint64_t record_bytes = 0;                 ///< of what was recorded, as in the file
+  std::uint64_t record_bytes = 0;                 ///< of records and maplets, as in the file
   std::uint64_t written_bytes = 0;                ///< handed to the disk, whole pages
   std::uint64_t carried_bytes = 0;                ///< of these, to change halves
   std::uint64_t flushes = 0;
@@ -105,6 +106,8 @@ class JournalWriter {
   [[nodiscard]] bool add_popped() noexcept;
   void write(Instant now) noexcept;
   void refused(Instant now) noexcept;
+  void look_for_file(Instant now) noexcept;
+  void say(std::span<const std::byte> payload) noexcept;
   void note() noexcept;
 
   journal::BlockFile& file_;
@@ -124,8 +127,10 @@ class JournalWriter {
   std::optional<Item> popped_;  ///< out of the queue, not in a turn yet
   std::array<std::uint32_t, kStreams> safe_ends_{};
   Instant retry_at_{};
-  bool good_ = true;           ///< the disk took the last turn
-  std::uint64_t counted_ = 0;  ///< payload bytes of the turn that the budget knows of
+  std::uint64_t news_ = 0;  ///< bytes of the turn that are records or maplets
+  Instant look_at_{};
+  bool removed_ = false;  ///< nothing is written any more, and nothing has to wait for it
+  bool good_ = true;      ///< the disk took the last turn
 
   std::atomic<bool> given_up_{false};
   std::atomic<bool> stop_{false};

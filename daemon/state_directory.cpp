@@ -118,6 +118,7 @@ StateDirectory::StateDirectory(StateDirectory&& other) noexcept
       error_{other.error_},
       file_{std::move(other.file_)},
       survey_{other.survey_},
+      took_{other.took_},
       said_{std::move(other.said_)},
       imported_{std::move(other.imported_)} {}
 
@@ -128,6 +129,7 @@ StateDirectory& StateDirectory::operator=(StateDirectory&& other) noexcept {
   std::swap(error_, other.error_);
   std::swap(file_, other.file_);
   std::swap(survey_, other.survey_);
+  std::swap(took_, other.took_);
   std::swap(said_, other.said_);
   std::swap(imported_, other.imported_);
   return *this;
@@ -168,7 +170,10 @@ bool StateDirectory::open_file(bool write) {
 
 tl::expected<void, StateDirectory::Refusal> StateDirectory::look(std::uint16_t agent) {
   const std::string file = path_ + "/" + kMissionFile;
+  const MonotonicClock clock;
+  const Instant begin = clock.now();
   survey_ = survey_of(*file_);
+  took_ = clock.now() - begin;
   if (survey_.state == Survey::State::kNewer) {
     return tl::unexpected{Refusal{newer_version(file), true}};
   }

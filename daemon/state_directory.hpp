@@ -7,6 +7,7 @@
 #include <tl/expected.hpp>
 #include <vector>
 
+#include "core/base/clock.hpp"
 #include "daemon/journal/posix_file.hpp"
 #include "daemon/journal/reader.hpp"
 
@@ -50,6 +51,8 @@ class StateDirectory {
   }
   /// nullptr: nothing to read or write
   [[nodiscard]] journal::PosixFile* file() noexcept { return file_.get(); }
+  /// How long it took to read what is there.
+  [[nodiscard]] Duration took() const noexcept { return took_; }
   /// Missions that were imported: read-only files.
   [[nodiscard]] const std::vector<std::string>& imported() const noexcept { return imported_; }
 
@@ -71,6 +74,7 @@ class StateDirectory {
   int error_ = 0;
   std::unique_ptr<journal::PosixFile> file_;
   journal::Survey survey_;
+  Duration took_{};
   std::vector<std::string> said_;
   std::vector<std::string> imported_;
 };

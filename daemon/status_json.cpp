@@ -98,7 +98,7 @@ Json navigation_json(const MapFrame::Notice& frame) {
 }  // namespace
 
 nlohmann::ordered_json journal_json(const JournalStatus& status) {
-  constexpr const char* kStates[] = {"off", "on", "waiting", "given_up"};
+  constexpr const char* kStates[] = {"off", "on", "waiting", "given_up", "removed"};
   const bool off = status.state == JournalStatus::State::kOff;
   Json json{{"state", kStates[static_cast<std::size_t>(status.state)]},
             {"flushed", off ? Json::object() : streams_json(status.flushed)}};

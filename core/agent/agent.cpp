@@ -5,6 +5,7 @@
 #include <cstdlib>
 
 #include "core/agent/own_places.hpp"
+#include "core/maplet/codec.hpp"
 
 namespace maplet {
 
@@ -129,16 +130,15 @@ const MapletCut* Agent::finish(Deadline deadline) noexcept {
 }
 
 bool Agent::restore(const MapletKey& key, std::span<const std::byte> bytes) noexcept {
-  if (!decode(bytes, *older_) || older_->key != key || !store_.put(key, bytes)) return false;
-  store_.set_frontier(key, find_frontier(*older_, up_of(*older_)).region);
+  const auto named = key_of(bytes);
+  if (!named || *named != key || !store_.put(key, bytes)) return false;
   skeleton_.add(key);
-  encounters_.restore(*older_);
   return true;
 }
 
 void Agent::begin_part(std::uint32_t first_maplet) noexcept {
   builder_.identify(identity_.agent, identity_.epoch, first_maplet);
-  encounters_.begin_part(first_maplet);
+  encounters_.begin_part(first_maplet, store_.count());
 }
 
 Added Agent::hear(const DeltaPose& record, Deadline deadline) noexcept {

@@ -99,6 +99,10 @@ bool Encounters::load(const MapletKey& key, const MapletStore& own, const Maplet
 Encounters::Found Encounters::work(const Skeleton& skeleton, const MapletStore& own, MapletKey self,
                                    Deadline deadline) noexcept {
   if (!busy() || deadline.expired()) return {};
+  if (recalled_ < restored_) {
+    recall(own);
+    return {};
+  }
   if (!asking_) {
     ask(own, self, deadline);
     return {};
@@ -109,6 +113,11 @@ Encounters::Found Encounters::work(const Skeleton& skeleton, const MapletStore& 
   }
   asking_ = false;
   return judge(skeleton, self);
+}
+
+void Encounters::recall(const MapletStore& own) noexcept {
+  const MapletKey* key = own.nth(recalled_++);
+  if (key != nullptr && decode(*own.find(*key), *a_)) index_.add(*a_);
 }
 
 void Encounters::ask(const MapletStore& own, const MapletKey& self, Deadline deadline) noexcept {

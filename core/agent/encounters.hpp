@@ -34,7 +34,7 @@ struct EncounterCounts {
 /// other maplets, must say the same; and once the skeleton relates the two, it must not contradict.
 ///
 /// Memory   foreign maplets, a place index over both sides, a verifier: in the arena.
-/// Time     work(): one query or one verification a call, cut by its deadline
+/// Time     work(): one maplet read, one query or one verification a call, cut by its deadline
 /// Threads  one
 class Encounters {
  public:
@@ -54,9 +54,13 @@ class Encounters {
   bool hear(const MapletKey& key, std::span<const std::byte> bytes) noexcept;
   /// This agent starts again: its maplets before this number have no known relation to those that
   /// come. From now on they are compared with these, as others' are.
-  void begin_part(std::uint32_t first_id) noexcept { part_ = first_id; }
-  /// A maplet of ours from before. It is found again by others, but asks nothing itself.
-  void restore(const Maplet& maplet) noexcept { index_.add(maplet); }
+  /// @param restored  how many maplets of earlier runs the own store was given. They are found
+  /// again
+  ///   by others, but ask nothing themselves. work() reads one a call before it does anything else.
+  void begin_part(std::uint32_t first_id, std::uint64_t restored) noexcept {
+    part_ = first_id;
+    restored_ = restored;
+  }
   /// This agent cut a maplet.
   void add_own(const Maplet& maplet) noexcept;
 
@@ -64,7 +68,9 @@ class Encounters {
     return foreign_.find(key).has_value();
   }
   /// Something waits to be compared.
-  [[nodiscard]] bool busy() const noexcept { return waiting_count_ > 0 || asking_; }
+  [[nodiscard]] bool busy() const noexcept {
+    return waiting_count_ > 0 || asking_ || recalled_ < restored_;
+  }
   /// Goes on comparing, a step. @return accepted closures between two agents, new ones
   [[nodiscard]] Found work(const Skeleton& skeleton, const MapletStore& own, MapletKey self,
                            Deadline deadline) noexcept;
@@ -83,6 +89,7 @@ class Encounters {
   [[nodiscard]] bool load(const MapletKey& key, const MapletStore& own, const MapletKey& self,
                           Maplet& out) const noexcept;
   void wait(const MapletKey& key) noexcept;
+  void recall(const MapletStore& own) noexcept;
   void ask(const MapletStore& own, const MapletKey& self, Deadline deadline) noexcept;
   void verify(const MapletStore& own, const MapletKey& self, Deadline deadline) noexcept;
   [[nodiscard]] Found judge(const Skeleton& skeleton, const MapletKey& self) noexcept;
@@ -102,6 +109,8 @@ class Encounters {
   bool asking_ = false;  ///< candidates_ of b_ are being verified
   std::size_t next_candidate_ = 0;
   std::uint32_t part_ = 0;  ///< first own maplet since the start
+  std::uint64_t restored_ = 0;
+  std::uint64_t recalled_ = 0;  ///< of these, in the index
   PlaceIndex::Candidates candidates_;
   StaticVector<EncounterCounts, kAgents> counts_;
 };

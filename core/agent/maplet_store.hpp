@@ -18,7 +18,11 @@ namespace maplet {
 ///
 /// Memory   as ByteRing, a slot has ~350 bytes
 class MapletStore {
-  using Ring = ByteRing<MapletKey, RegionOfInterest>;
+  struct Border {
+    bool known = false;
+    RegionOfInterest region;
+  };
+  using Ring = ByteRing<MapletKey, Border>;
 
  public:
   /// @param expected_bytes          of a maplet, on average
@@ -36,7 +40,7 @@ class MapletStore {
   }
   /// Of a maplet that is kept.
   void set_frontier(const MapletKey& key, const RegionOfInterest& frontier) noexcept {
-    if (auto* slot = ring_.find(key)) slot->note = frontier;
+    if (auto* slot = ring_.find(key)) slot->note = {true, frontier};
   }
 
   /// The encoded maplet, or nothing when it was never put or is gone.
@@ -46,12 +50,23 @@ class MapletStore {
     if (slot == nullptr) return {};
     return ring_.bytes(*slot);
   }
-  /// Where its frontier is, its own frame; nullptr when none was set, or it is not kept.
+  /// Whether that was asked for, of a maplet that is kept: those of earlier runs are not looked at
+  /// before they are compared with something.
+  [[nodiscard]] bool knows_frontier(const MapletKey& key) const noexcept {
+    const auto* slot = ring_.find(key);
+    return slot != nullptr && slot->note.known;
+  }
+  /// Where its frontier is, its own frame; nullptr when it has none or is not known, or the maplet
+  /// is not kept.
   [[nodiscard]] const RegionOfInterest* frontier(const MapletKey& key) const noexcept {
     const auto* slot = ring_.find(key);
-    return slot != nullptr && !slot->note.corners.empty() ? &slot->note : nullptr;
+    return slot != nullptr && !slot->note.region.corners.empty() ? &slot->note.region : nullptr;
   }
 
+  /// The nth that was ever kept; nullptr when it is gone.
+  [[nodiscard]] const MapletKey* nth(std::uint64_t n) const noexcept {
+    return n >= ring_.forgotten() && n < ring_.count() ? &ring_.nth(n).key : nullptr;
+  }
   /// Ever kept; and of these, gone.
   [[nodiscard]] std::uint64_t count() const noexcept { return ring_.count(); }
   [[nodiscard]] std::uint64_t forgotten() const noexcept { return ring_.forgotten(); }

@@ -12,7 +12,7 @@ namespace maplet {
 class OwnPlaces final : public PlacePrior {
  public:
   /// @param scratch  where maplets are decoded
-  OwnPlaces(const Skeleton& skeleton, const MapletStore& store, Maplet& scratch) noexcept
+  OwnPlaces(const Skeleton& skeleton, MapletStore& store, Maplet& scratch) noexcept
       : skeleton_{skeleton}, store_{store}, scratch_{scratch} {}
 
   [[nodiscard]] int count() const noexcept override { return skeleton_.node_count(); }
@@ -29,7 +29,10 @@ class OwnPlaces final : public PlacePrior {
   }
   [[nodiscard]] const Maplet* load(int index) noexcept override {
     const auto bytes = store_.find(key(index));
-    return bytes && decode(*bytes, scratch_) ? &scratch_ : nullptr;
+    if (!bytes || !decode(*bytes, scratch_)) return nullptr;
+    if (!store_.knows_frontier(key(index)))  // of an earlier run
+      store_.set_frontier(key(index), find_frontier(scratch_, up_of(scratch_)).region);
+    return &scratch_;
   }
   [[nodiscard]] const RegionOfInterest* frontier(int index) const noexcept override {
     return store_.frontier(key(index));
@@ -37,7 +40,7 @@ class OwnPlaces final : public PlacePrior {
 
  private:
   const Skeleton& skeleton_;
-  const MapletStore& store_;
+  MapletStore& store_;
   Maplet& scratch_;
 };
 

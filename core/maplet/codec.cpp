@@ -123,10 +123,14 @@ void put_header(const Maplet& m, std::size_t layers, std::size_t size,
 
 struct Header {
   std::size_t keyframes, planes, layers, size;
+  MapletKey key;
+  Stamp stamp;
+  double cell_m;
+  Eigen::Vector3d up;
 };
 
 // @return nullptr, or what is wrong
-const char* get_header(ByteReader& in, Header& header, Maplet& m) noexcept {
+const char* get_header(ByteReader& in, Header& header) noexcept {
   if (in.get(4) != kMagic) return "not a maplet";
   if (in.get(1) != kVersion) return "maplet of an unknown version";
   header.keyframes = in.get(1);
@@ -134,15 +138,15 @@ const char* get_header(ByteReader& in, Header& header, Maplet& m) noexcept {
   const std::uint64_t packed = in.get(1);
   header.layers = packed & 0x7FU;
   const auto cell_mm = static_cast<int>(in.get(2));
-  m.cell_m = cell_mm * 1e-3;
-  m.key.agent = static_cast<std::uint16_t>(in.get(2));
-  m.key.epoch = static_cast<std::uint32_t>(in.get(4));
-  m.key.id = static_cast<std::uint32_t>(in.get(4));
-  m.stamp = Stamp{static_cast<std::int64_t>(in.get(8))};
+  header.cell_m = cell_mm * 1e-3;
+  header.key.agent = static_cast<std::uint16_t>(in.get(2));
+  header.key.epoch = static_cast<std::uint32_t>(in.get(4));
+  header.key.id = static_cast<std::uint32_t>(in.get(4));
+  header.stamp = Stamp{static_cast<std::int64_t>(in.get(8))};
   header.size = in.get(4);
   const auto up = static_cast<std::uint32_t>(in.get(4));
   const bool has_up = (packed & kHasUp) != 0;
-  if (has_up) m.up = codec::unpack_normal(up);
+  header.up = has_up ? codec::unpack_normal(up) : Eigen::Vector3d::Zero();
   const bool in_range = header.layers > 0 && header.layers <= codec::kMaxLayers &&
                         cell_mm >= kMinCell_mm && cell_mm <= kMaxCell_mm && (has_up || up == 0);
   return in_range ? nullptr : "maplet holds values out of range";
@@ -218,14 +222,17 @@ std::size_t layers_within(std::span<const std::byte> bytes, std::size_t max_byte
   return kept;
 }
 
-Expected<void> decode(std::span<const std::byte> bytes, Maplet& m) noexcept {
-  m.clear();
+namespace {
+
+using LayerEnds = StaticVector<std::size_t, codec::kMaxLayers>;
+
+// Header and checksums, all of them before anything is taken from a layer.
+Expected<LayerEnds> check(std::span<const std::byte> bytes, Header& header) noexcept {
   if (bytes.size() < codec::kHeaderBytes + kLayerHeadBytes + kCrcBytes) {
     return fail(ErrorCode::kBadInput, "too short for a maplet");
   }
   ByteReader in{bytes.first(codec::kHeaderBytes)};
-  Header header{};
-  const char* wrong = get_header(in, header, m);
+  const char* wrong = get_header(in, header);
   if (wrong != nullptr) return fail(ErrorCode::kBadInput, wrong);
   const auto ends = layer_ends(bytes);
   if (ends.empty() || ends.back() != bytes.size()) {
@@ -233,16 +240,38 @@ Expected<void> decode(std::span<const std::byte> bytes, Maplet& m) noexcept {
   }
   std::uint32_t crc = 0;
   std::size_t at = 0;
-  for (const std::size_t end : ends) {  // all of them before anything is taken from one
+  for (const std::size_t end : ends) {
     crc = crc32c(bytes.subspan(at, end - kCrcBytes - at), crc);
     if (ByteReader{bytes.subspan(end - kCrcBytes)}.get(kCrcBytes) != crc) {
       return fail(ErrorCode::kBadInput, "maplet is damaged: its checksum differs");
     }
     at = end - kCrcBytes;
   }
+  return ends;
+}
+
+}  // namespace
+
+Expected<MapletKey> key_of(std::span<const std::byte> bytes) noexcept {
+  Header header{};
+  const auto checked = check(bytes, header);
+  if (!checked) return tl::unexpected{checked.error()};
+  return header.key;
+}
+
+Expected<void> decode(std::span<const std::byte> bytes, Maplet& m) noexcept {
+  m.clear();
+  Header header{};
+  const auto checked = check(bytes, header);
+  if (!checked) return tl::unexpected{checked.error()};
+  const LayerEnds& ends = *checked;
+  m.key = header.key;
+  m.stamp = header.stamp;
+  m.cell_m = header.cell_m;
+  m.up = header.up;
   m.complete = ends.size() == header.layers;
   std::size_t coarse = 0;
-  at = codec::kHeaderBytes;
+  std::size_t at = codec::kHeaderBytes;
   for (const std::size_t end : ends) {
     if (!get_layer(ByteReader{bytes.subspan(at, end - kCrcBytes - at)}, m, coarse)) {
       return fail(ErrorCode::kBadInput, "maplet holds values out of range");

@@ -22,6 +22,8 @@ class BlockFile {
   /// @return whether everything written before survives a power cut now
   [[nodiscard]] virtual bool flush() noexcept = 0;
   [[nodiscard]] virtual std::uint64_t size() noexcept = 0;
+  /// The file was removed: writing goes on, but no later start will find what is written.
+  [[nodiscard]] virtual bool removed() noexcept { return false; }
   /// errno of the last write or flush that failed.
   [[nodiscard]] virtual int error() const noexcept { return 0; }
 };

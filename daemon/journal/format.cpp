@@ -75,8 +75,9 @@ std::optional<TurnHead> read_head(std::span<std::byte> bytes, std::uint32_t& men
 bool check_payload(const TurnHead& head, std::span<std::byte> payload,
                    std::uint32_t& mended) noexcept {
   const Mend state = mend(payload, head.payload_crc);
+  if (state == Mend::kWhole) return true;
   if (state == Mend::kBroken || fnv1a(payload) != head.payload_fnv) return false;
-  if (state == Mend::kMended) ++mended;
+  ++mended;
   return true;
 }
 

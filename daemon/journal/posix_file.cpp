@@ -67,6 +67,11 @@ std::uint64_t PosixFile::size() noexcept {
   return fstat(fd_, &state) == 0 ? static_cast<std::uint64_t>(state.st_size) : 0;
 }
 
+bool PosixFile::removed() noexcept {
+  struct stat state {};
+  return fstat(fd_, &state) == 0 && state.st_nlink == 0;
+}
+
 bool flush_folder(const std::string& folder) noexcept {
   const int fd = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   if (fd < 0) return false;

@@ -29,6 +29,7 @@ class PosixFile final : public BlockFile {
   [[nodiscard]] bool write(std::uint64_t at, std::span<const std::byte> bytes) noexcept override;
   [[nodiscard]] bool flush() noexcept override;
   [[nodiscard]] std::uint64_t size() noexcept override;
+  [[nodiscard]] bool removed() noexcept override;
 
  private:
   int fd_ = -1;

@@ -2,11 +2,14 @@
 #pragma once
 
 #include <bit>
+#include <cmath>
 #include <cstdint>
 #include <cstring>
 #include <span>
 
 #include "core/frame/depth_frame.hpp"
+#include "core/frame/image_size.hpp"
+#include "core/limits.hpp"
 
 namespace maplet::flight {
 
@@ -56,6 +59,11 @@ class Body {
     }
     at_ += sizeof value;
   }
+  void flag(bool& value, bool write) noexcept {  // an octet: not each is a bool
+    std::uint8_t octet = value ? 1 : 0;
+    number(octet, write);
+    value = octet != 0;
+  }
   [[nodiscard]] bool good() const noexcept { return good_; }
   [[nodiscard]] std::size_t size() const noexcept { return at_; }
 
@@ -89,17 +97,45 @@ inline void visit(Body& b, FrameNumbers& f, bool write) noexcept {
   for (double* v : {&d.noise.disparity_k, &d.noise.tof_floor_m, &d.noise.tof_slope,
                     &d.noise.correlated_px, &d.noise.lateral_px, &d.noise.disparity_step})
     b.number(*v, write);
-  b.number(f.gray, write);
-  b.number(f.beside, write);
+  b.flag(f.gray, write);
+  b.flag(f.beside, write);
   b.number(d.gray_beside.pixels.width_px, write);
   b.number(d.gray_beside.pixels.height_px, write);
   camera(d.gray_beside.camera);
   pose(d.gray_beside.T_depth_gray);
-  b.number(d.motion.has_pose, write);
+  b.flag(d.motion.has_pose, write);
   pose(d.motion.T_external_camera);
   for (int i = 0; i < 36; ++i) b.number(d.motion.step_covariance.data()[i], write);
-  b.number(d.motion.has_turn, write);
+  b.flag(d.motion.has_turn, write);
   for (int i = 0; i < 4; ++i) b.number(d.motion.q_gyro_camera.coeffs()[i], write);
+}
+
+/// Whether a file's numbers can be a frame's. @param most  the largest image that there is room for
+[[nodiscard]] inline bool sane(const FrameNumbers& f, ImageSize most) noexcept {
+  const DepthFrame& d = f.frame;
+  const auto is_size = [](int w, int h) {
+    return w > 0 && h > 0 && w <= static_cast<int>(kMaxWidthPx) &&
+           h <= static_cast<int>(kMaxHeightPx);
+  };
+  const auto is_turn = [](const Eigen::Quaterniond& q) {
+    return std::abs(q.coeffs().norm() - 1.0) < 0.01;
+  };
+  const auto is_pose = [&](const Se3& T) { return T.t.allFinite() && is_turn(T.q); };
+  const auto is_camera = [](const CameraModel& c, int w, int h) {
+    return c.valid() && c.width_px == w && c.height_px == h;
+  };
+  const auto& beside = d.gray_beside;
+  return is_size(d.depth.width_px, d.depth.height_px) &&
+         most.holds(d.depth.width_px, d.depth.height_px) && d.metres_per_unit > 0.0 &&
+         std::isfinite(d.metres_per_unit) &&
+         is_camera(d.camera, d.depth.width_px, d.depth.height_px) &&
+         d.noise.kind <= NoiseModel::Kind::kTimeOfFlight &&
+         (!f.beside || (is_size(beside.pixels.width_px, beside.pixels.height_px) &&
+                        is_camera(beside.camera, beside.pixels.width_px, beside.pixels.height_px) &&
+                        is_pose(beside.T_depth_gray))) &&
+         (!d.motion.has_pose ||
+          (is_pose(d.motion.T_external_camera) && d.motion.step_covariance.allFinite())) &&
+         (!d.motion.has_turn || is_turn(d.motion.q_gyro_camera));
 }
 
 }  // namespace maplet::flight

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <utility>
 
 #include "core/base/crc.hpp"
 
@@ -74,10 +75,16 @@ bool RingWriter::put(Block type, std::span<const std::byte> bytes) {
 bool RingWriter::flush() { return std::fflush(file_.get()) == 0; }
 
 tl::expected<std::unique_ptr<RingReader>, std::string> RingReader::open(const std::string& path) {
+  File file{std::fopen(path.c_str(), "rbe")};
+  if (!file) return tl::unexpected{why(path)};
+  return read(std::move(file), path);
+}
+
+tl::expected<std::unique_ptr<RingReader>, std::string> RingReader::read(File opened,
+                                                                        const std::string& path) {
   auto reader = std::make_unique<RingReader>();
-  reader->file_.reset(std::fopen(path.c_str(), "rbe"));
+  reader->file_ = std::move(opened);
   std::FILE* file = reader->file_.get();
-  if (file == nullptr) return tl::unexpected{why(path)};
   if (fseeko(file, 0, SEEK_END) != 0) return tl::unexpected{why(path)};
   const auto size = static_cast<std::uint64_t>(std::max<off_t>(ftello(file), 0));
   std::vector<std::pair<std::uint32_t, Entry>> found;

@@ -53,6 +53,9 @@ class RingReader {
  public:
   [[nodiscard]] static tl::expected<std::unique_ptr<RingReader>, std::string> open(
       const std::string& path);
+  /// @param name  for messages
+  [[nodiscard]] static tl::expected<std::unique_ptr<RingReader>, std::string> read(
+      File file, const std::string& name);
   [[nodiscard]] const std::string& head() const noexcept { return head_; }
   /// Nothing was overwritten: it holds the whole run.
   [[nodiscard]] bool complete() const noexcept { return complete_; }

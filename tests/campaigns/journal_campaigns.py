@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 # Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 """The journal under kills, cuts and flipped bits: nothing acknowledged is lost, every start works.
-How many: MAPLET_KILLS, MAPLET_CUTS, MAPLET_FLIPS; the seed: MAPLET_SEED."""
+How many: MAPLET_KILLS, MAPLET_CUTS, MAPLET_FLIPS; the seed: MAPLET_SEED; MAPLET_PACE=recorded takes
+little of the processor."""
 import json
 import os
 import random
@@ -20,6 +21,7 @@ KILLS = int(os.environ.get("MAPLET_KILLS", "10"))
 CUTS = int(os.environ.get("MAPLET_CUTS", "10"))
 FLIPS = int(os.environ.get("MAPLET_FLIPS", "10"))
 SEED = int(os.environ.get("MAPLET_SEED", "1"))
+PACE = os.environ.get("MAPLET_PACE", "fast")
 STREAMS = ("delta_poses", "closures", "ranges", "maplets")
 
 
@@ -33,8 +35,10 @@ class Campaign(daemon.DaemonTest):
         if os.path.exists(self.file("socket")):
             os.remove(self.file("socket"))
         seed = self.random.randrange(1000)
-        self.start("--source", f"sim:room?seed={seed}&width=160&frames={frames}", "--state",
-                   self.state, "--set", "journal.size_mib=4", "--set", "limits.own_maplets=64")
+        rate_hz = 30 if PACE == "fast" else 90
+        self.start("--source", f"sim:room?seed={seed}&width=160&frames={frames}&rate_hz={rate_hz}",
+                   "--state", self.state, "--pace", PACE, "--set", "journal.size_mib=4", "--set",
+                   "limits.own_maplets=64")
 
     def ask(self, patience_s=daemon.PATIENCE_S):
         """The daemon's status; None when it is gone."""

@@ -1,7 +1,7 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 // A disk that stalls or refuses: goes before the program under test with LD_PRELOAD. What it does
 // says the first octet of the file that MAPLET_DISK names: s stalls each flush for 2 s, e fails
-// with EIO, f with ENOSPC; anything else, or no file: nothing.
+// with EIO, f with ENOSPC, r with EROFS; anything else, or no file: nothing.
 #include <dlfcn.h>
 #include <fcntl.h>
 #include <sys/types.h>
@@ -23,7 +23,7 @@ char mood() {
   return c;
 }
 
-int refused(char c) { return c == 'e' ? EIO : c == 'f' ? ENOSPC : 0; }
+int refused(char c) { return c == 'e' ? EIO : c == 'f' ? ENOSPC : c == 'r' ? EROFS : 0; }
 
 template <class Function>
 Function next(const char* name) {

@@ -5,9 +5,13 @@ differs is named. MAPLET_FLIGHTS random missions."""
 import json
 import os
 import random
+import signal
+import struct
 import subprocess
 import sys
+import time
 import unittest
+import zlib
 from pathlib import Path
 
 sys.path.append(str(Path(__file__).resolve().parents[2] / "support"))
@@ -15,6 +19,42 @@ import daemon  # noqa: E402
 
 FLIGHTS = int(os.environ.get("MAPLET_FLIGHTS", "3"))
 SEED = int(os.environ.get("MAPLET_SEED", "1"))
+SYNTH = os.environ.get("MAPLET_SYNTH_RUNTIME", "")
+SLOW = 10 if "MAPLET_SANITIZED" in os.environ else 1
+
+
+def black_png(path, width, height):
+    """A depth image without any depth."""
+    def chunk(kind, data):
+        body = kind + data
+        return struct.pack(">I", len(data)) + body + struct.pack(">I", zlib.crc32(body))
+    Path(path).write_bytes(
+        b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 16, 0, 0, 0, 0))
+        + chunk(b"IDAT", zlib.compress(bytes((2 * width + 1) * height))) + chunk(b"IEND", b""))
+
+
+def spoil(folder, dice):
+    """Faults in a recording: each of these at least once. @return how many"""
+    listing = Path(folder, "depth.txt")
+    lines = listing.read_text(encoding="utf-8").splitlines()
+    images = [Path(folder, line.split()[1]) for line in lines if not line.startswith("#")]
+    size = struct.unpack(">II", images[0].read_bytes()[16:24])
+    kinds = {
+        "missing": lambda p: p.unlink(),
+        "cut short": lambda p: os.truncate(p, dice.randrange(p.stat().st_size)),
+        "garbage": lambda p: p.write_bytes(dice.randbytes(500)),
+        "black": lambda p: black_png(p, *size),
+        "of another size": lambda p: black_png(p, size[0] // 2, size[1]),
+    }
+    faults = list(kinds) + dice.choices(list(kinds), k=dice.randrange(8))
+    victims = dice.sample(range(3, len(images)), len(faults))
+    for at, fault in zip(victims, faults):
+        kinds[fault](images[at])
+    at = dice.randrange(20, len(images) - 20)
+    del lines[at:at + dice.randrange(1, 12)]      # a gap: frames that never came
+    lines[-5], lines[-9] = lines[-9], lines[-5]   # two whose stamps go backwards
+    listing.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return len(faults) + 2
 
 
 class Recorder(daemon.DaemonTest):
@@ -37,21 +77,65 @@ class Recorder(daemon.DaemonTest):
     def replay(self, out, *more):
         return self.run_to(out, "--source", "record:" + self.file("flight"), *more)
 
-    def test_missions_under_pressure_replay_bit_for_bit(self):
+    def test_missions_with_faults_under_pressure_replay_bit_for_bit(self):
         dice = random.Random(SEED)
         degraded = 0
-        for _ in range(FLIGHTS):
+        for flight in range(FLIGHTS):
             world = dice.choice(["room", "loop", "corridor"])
-            source = (f"sim:{world}?seed={dice.randrange(1000)}&width=320"
-                      f"&frames={dice.randrange(100, 200)}")
+            uri = (f"sim:{world}?seed={dice.randrange(1000)}&width=320"
+                   f"&frames={dice.randrange(100, 200)}")
+            folder = self.file(f"recording{flight}")
+            subprocess.run([str(daemon.BIN / "mapletctl"), "simulate", uri, "--out", folder],
+                           check=True, capture_output=True, timeout=60 * SLOW)
+            faults = spoil(folder, dice)
             budget = dice.choice([1500, 2500, 4000])
-            report = self.fly(source, "--pace", "recorded", "--set", f"frame.budget_us={budget}")
-            degraded += report["frames"]["processed"] < report["frames"]["read"] or \
+            report = self.fly("tum:" + folder, "--pace", "recorded", "--set",
+                              f"frame.budget_us={budget}")
+            self.assertGreater(report["frames"]["unreadable"], 0, "no fault came through")
+            pressed = report["frames"]["processed"] < report["frames"]["read"] or \
                 report["stages"]["frame"]["deadline_misses"] > 0
+            degraded += pressed
             again = self.replay("b")
-            self.assertEqual(self.diff("a", "b"), {"equal": True, "first": None}, source)
+            found = self.diff("a", "b")
+            self.assertEqual(found, {"equal": True, "first": None}, uri)
             self.assertEqual(again["maplets"], report["maplets"])
+            print(f"{uri}: {faults} faults, {budget} us, {report['frames']['processed']} of "
+                  f"{report['frames']['read']} frames, late "
+                  f"{report['stages']['frame']['deadline_misses']}, "
+                  f"{report['maplets']['count']} maplets: equal", file=sys.stderr)
         self.assertGreater(degraded, 0, "nothing was under pressure")
+
+    @unittest.skipUnless(SYNTH, "no synthetic camera")
+    def test_a_camera_with_faults_replays_bit_for_bit(self):
+        dice = random.Random(SEED)
+        for _ in range(max(1, FLIGHTS // 3)):
+            kinds = ["stall", "late", "duplicate", "burst", "black", "corrupt", "backwards"]
+            faults = " ".join(f"fault={kind}@{dice.randrange(20, 150)}:{dice.randrange(1, 12)}"
+                              for kind in dice.sample(kinds, 4))
+            script = f"world=room sim.seed={dice.randrange(100)} sim.frames=100000 rate_hz=30 {faults}"
+            small = {"width_px": 320, "height_px": 240, "fx_px": 285, "fy_px": 285, "cx_px": 159.5,
+                     "cy_px": 119.5}
+            sets = [word for key, value in small.items()
+                    for word in ("--set", f"camera.{key}={value}")]
+            self.start("--source", "openni2:", "--out", self.file("a"), "--set",
+                       "recorder.file=" + self.file("flight"), "--set", "frame.budget_us=2500", *sets,
+                       environment={"LD_LIBRARY_PATH": SYNTH, "MAPLET_SYNTH": script})
+            self.until(lambda: os.path.exists(self.file("socket"))
+                       and self.status()["frames"]["read"] > 170)
+            self.daemon.send_signal(signal.SIGTERM)
+            _, said = self.daemon.communicate(timeout=daemon.PATIENCE_S)
+            self.assertIn("stopped by a signal", said)
+            self.replay("b")
+            self.assertEqual(self.diff("a", "b"), {"equal": True, "first": None}, script)
+
+    def test_a_mission_that_was_resumed_replays_too(self):
+        state = ("--state", self.file("state"), "--set", "journal.size_mib=8")
+        self.run_to("first", "--source", "sim:room?seed=3&width=160&frames=300", *state)
+        self.fly("sim:room?seed=3&width=160&frames=300", *state)
+        self.replay("b")
+        self.assertEqual(self.diff("a", "b"), {"equal": True, "first": None})
+        self.run_to("alone", "--source", "sim:room?seed=3&width=160&frames=300")
+        self.assertFalse(self.diff("a", "alone")["equal"], "the mission before made no difference")
 
     def test_a_fast_run_replays_too(self):
         self.fly("sim:room?seed=3&width=160&frames=150")
@@ -59,15 +143,20 @@ class Recorder(daemon.DaemonTest):
         self.assertTrue(self.diff("a", "b")["equal"])
 
     def test_the_first_frame_and_stage_that_differ_are_named(self):
-        self.fly("sim:room?seed=3&width=160&frames=100")
-        self.replay("b", "--set", "patches.max_patches=40")
-        found = self.diff("a", "b")
-        self.assertFalse(found["equal"])
-        self.assertEqual((found["first"]["frame"], found["first"]["stage"]), (0, "patches"))
-        self.replay("c", "--set", "maplet.max_keyframes=5")
-        found = self.diff("a", "c")
-        self.assertFalse(found["equal"])
-        self.assertNotEqual(found["first"]["stage"], "patches")
+        self.fly("sim:room?seed=3&width=160&frames=300")
+        # One byte of the configuration that ran is another one.
+        for change, stage, from_frame in (("patches.min_valid_fraction=0.6", "patches", 0),
+                                          ("odometry.noise_scale=1.6", "odometry", 1),
+                                          ("maplet.max_yaw_rad=1.1", "maplet", 50),
+                                          ("registration.min_matches=9", "registration", 50)):
+            self.replay("b", "--set", change)
+            found = self.diff("a", "b")
+            self.assertFalse(found["equal"], change)
+            self.assertEqual(found["first"]["stage"], stage, change)
+            self.assertGreaterEqual(found["first"]["frame"], from_frame, change)
+            self.assertLess(found["first"]["frame"], 300)
+        self.replay("b", "--set", "patches.min_valid_fraction=0.5")  # what ran
+        self.assertTrue(self.diff("a", "b")["equal"])
 
     def test_a_service_is_saved_while_it_runs(self):
         self.start("--source", "sim:room?seed=3&width=160&frames=100000", "--set",

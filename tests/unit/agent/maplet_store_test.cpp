@@ -91,11 +91,15 @@ TEST_F(Store, RemembersFrontiersOfWhatItKeeps) {
   }
   EXPECT_TRUE(put(own(0), some_bytes(10, 1)));
   EXPECT_EQ(store_.frontier(own(0)), nullptr);
+  EXPECT_FALSE(store_.knows_frontier(own(0)));
   store_.set_frontier(own(0), region);
   store_.set_frontier(own(1), region);
   ASSERT_NE(store_.frontier(own(0)), nullptr);
   EXPECT_EQ(store_.frontier(own(0))->corners.size(), 3U);
   EXPECT_EQ(store_.frontier(own(1)), nullptr);
+  store_.set_frontier(own(0), {});  // looked for, and there is none
+  EXPECT_TRUE(store_.knows_frontier(own(0)));
+  EXPECT_EQ(store_.frontier(own(0)), nullptr);
   for (std::uint32_t id = 1; id < 4; ++id) EXPECT_TRUE(put(own(id), some_bytes(10, 1)));
   EXPECT_EQ(store_.frontier(own(0)), nullptr);
 }

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cstdio>
 #include <ctime>
 #include <thread>
 
@@ -15,6 +16,11 @@ using namespace daemon;
 using namespace std::chrono_literals;
 
 constexpr std::uint32_t kHalfPages = 512;
+#ifdef MAPLET_SANITIZED
+constexpr int kSlow = 20;  // a sanitizer's time is not the product's
+#else
+constexpr int kSlow = 1;
+#endif
 
 /// A disk that takes its time, or nothing.
 class Disk final : public journal::BlockFile {
@@ -31,10 +37,12 @@ class Disk final : public journal::BlockFile {
   }
   std::uint64_t size() noexcept override { return file.size(); }
   int error() const noexcept override { return broken ? EIO : 0; }
+  bool removed() noexcept override { return gone; }
 
   ModelFile file{2 * kHalfPages * journal::kPageBytes};
   std::atomic<bool> stalls{false};
   std::atomic<bool> broken{false};
+  std::atomic<bool> gone{false};
 };
 
 journal::Survey fresh() {
@@ -78,7 +86,13 @@ TEST(JournalWriter, WhatIsFlushedIsInTheFile) {
   EXPECT_EQ(found.maplet_bytes.at(7), numbered_maplet(7));
 }
 
-TEST(JournalWriter, NobodyWaitsForADiskThatStalls) {
+/// The worst of handing over 40 maplets and delta-poses while the disk stalls for 2 s.
+struct Worst {
+  Duration wall{};
+  Duration cpu{};
+};
+
+Worst hand_over_while_the_disk_stalls() {
   Fixture f;
   std::vector<std::vector<std::byte>> maplets;
   std::vector<DeltaPoseRecord> deltas;
@@ -87,19 +101,51 @@ TEST(JournalWriter, NobodyWaitsForADiskThatStalls) {
     deltas.push_back(numbered_delta(i));
   }
   f.disk.stalls = true;
-  Duration worst{};
+  Worst worst;
+  const MonotonicClock clock;
   for (std::uint32_t i = 0; i < 40; ++i) {
-    const Duration begin = cpu_now();
+    const Instant begin = clock.now();
+    const Duration cpu_begin = cpu_now();
     f.writer.put({Journaled::kLife.agent, Journaled::kLife.epoch, i}, maplets[i], 0.5F);
     f.writer.put(deltas[i]);
-    worst = std::max(worst, cpu_now() - begin);
+    worst.cpu = std::max(worst.cpu, cpu_now() - cpu_begin);
+    worst.wall = std::max(worst.wall, clock.now() - begin);
     std::this_thread::sleep_for(50ms);
   }
   EXPECT_FALSE(f.disk.stalls);
-  EXPECT_LT(worst, 200us);
-  RecordProperty("worst_us", std::to_string(worst / 1us));
-  ASSERT_TRUE(f.writer.drain(5s));
+  EXPECT_TRUE(f.writer.drain(5s));
   EXPECT_EQ(f.writer.status().flushed[0], 40U);
+  return worst;
+}
+
+TEST(JournalWriter, NobodyWaitsForADiskThatStalls) {
+  constexpr Duration kMost = 200us * kSlow;
+  // Somebody else may have the processor in the middle of it: one undisturbed round is enough.
+  Worst worst = hand_over_while_the_disk_stalls();
+  for (int round = 0; round < 4 && worst.wall >= kMost; ++round)
+    worst = hand_over_while_the_disk_stalls();
+  EXPECT_LT(worst.cpu, kMost);
+  EXPECT_LT(worst.wall, kMost);
+  std::printf("worst of 40: %.0f us wall, %.0f us of the thread's time\n",
+              seconds(worst.wall) * 1e6, seconds(worst.cpu) * 1e6);
+}
+
+TEST(JournalWriter, ARemovedFileIsSaidAndHoldsNothingBack) {
+  Fixture f;
+  f.put(0);
+  ASSERT_TRUE(f.writer.drain(5s));
+  EXPECT_EQ(f.writer.status().flushed[0], 1U);
+  f.disk.gone = true;
+  for (std::uint32_t i = 1; i < 200; ++i) {  // more than the queue holds
+    f.put(i);
+    if (i % 20 == 0) std::this_thread::sleep_for(60ms);
+  }
+  ASSERT_TRUE(f.writer.drain(5s));
+  const JournalStatus status = f.writer.status();
+  EXPECT_EQ(status.state, JournalStatus::State::kRemoved);
+  EXPECT_EQ(status.flushed[0], 0U);  // nobody finds it again
+  EXPECT_EQ(status.error, ENOENT);
+  EXPECT_EQ(contents_of(f.disk.file).deltas.size(), 1U);
 }
 
 TEST(JournalWriter, ABrokenDiskIsTriedAgainAndLosesNothing) {
@@ -133,7 +179,7 @@ TEST(JournalWriter, TooMuchThatWaitsIsSaidAndWhatWasSafeStays) {
 }
 
 TEST(JournalWriter, WritesLittleMoreThanItRecords) {
-  journal::FlushBudget budget{Instant{}};
+  journal::FlushBudget budget{2 * journal::kPageBytes, Instant{}};
   std::mt19937 rng{2};
   Instant now{};
   double recorded = 0;
