@@ -10,7 +10,7 @@ namespace maplet::daemon {
 /// The flight recorder. Section [recorder].
 struct RecorderConfig {
   std::string file;
-  int size_mib = 1024;
+  int size_mib = 256;
   int queue_kib = 4096;
 
   static constexpr Field<RecorderConfig> kFields[] = {

@@ -10,6 +10,7 @@ import shutil
 import socket
 import subprocess
 import sys
+import threading
 import time
 import unittest
 from pathlib import Path
@@ -30,6 +31,18 @@ class Campaign(daemon.DaemonTest):
         super().setUp()
         self.random = random.Random(SEED)
         self.state = self.file("state")
+        # Somebody has to read what the daemons notify, or the kernel's short queue holds them up.
+        threading.Thread(target=self.read_notices, args=(self.notify,), daemon=True).start()
+
+    @staticmethod
+    def read_notices(notify):
+        while True:
+            try:
+                notify.recv(4096)
+            except TimeoutError:
+                pass
+            except OSError:  # closed: the test is over
+                return
 
     def launch(self, frames=1500):
         if os.path.exists(self.file("socket")):
@@ -90,8 +103,10 @@ class Campaign(daemon.DaemonTest):
             safe = now
             self.end()
             self.expect(self.listed(self.state), safe)
+            if (kill + 1) % 50 == 0 or kill + 1 == KILLS:
+                print(f"{kill + 1} kills, {grown} with something new; flushed {safe}",
+                      file=sys.stderr, flush=True)
         self.assertGreater(grown, KILLS // 5)
-        print(f"{KILLS} kills, {grown} with something new; flushed {safe}", file=sys.stderr)
 
     def a_mission(self):
         self.launch()
@@ -120,7 +135,9 @@ class Campaign(daemon.DaemonTest):
 
     def test_cuts(self):
         whole = self.a_mission()
-        for _ in range(CUTS):
+        for cut in range(CUTS):
+            if cut % 50 == 49:
+                print(f"{cut} cuts", file=sys.stderr, flush=True)
             size = self.random.randrange(whole["bytes"])
             listed, said = self.damaged(lambda path, size=size: os.truncate(path, size))
             if listed is None:  # not even the first turn is there
@@ -135,7 +152,7 @@ class Campaign(daemon.DaemonTest):
     def test_flips(self):
         whole = self.a_mission()
         mended = 0
-        for _ in range(FLIPS):
+        for flip_number in range(FLIPS):
             at = self.random.randrange(whole["bytes"])
             bit = 1 << self.random.randrange(8)
 
@@ -152,7 +169,9 @@ class Campaign(daemon.DaemonTest):
             if listed["damage"]:
                 mended += 1
                 self.assertIn("set right", said)
-        print(f"{FLIPS} flips, {mended} in what counts", file=sys.stderr)
+            if (flip_number + 1) % 50 == 0 or flip_number + 1 == FLIPS:
+                print(f"{flip_number + 1} flips, {mended} in what counts", file=sys.stderr,
+                      flush=True)
 
 
 if __name__ == "__main__":
