@@ -23,11 +23,6 @@ using namespace std::chrono_literals;
 constexpr Duration kNap = 20ms;
 constexpr Duration kRetry = 2s;
 constexpr Duration kLooks = 2s;  // for the file's name
-constexpr std::size_t kWorthAPage = 64;
-
-bool is_new(const journal::Survey& survey) noexcept {
-  return survey.state != journal::Survey::State::kGood;
-}
 
 }  // namespace
 
@@ -68,11 +63,13 @@ JournalWriter::JournalWriter(journal::BlockFile& file, const journal::Survey& su
       popped_bytes_{arena.make_array<std::byte>(kMaxMapletBytes, "journal/item")},
       store_{file, scratch_},
       turn_{buffer_, self},
-      budget_{(is_new(survey) ? 2 : 1) * journal::kPageBytes, clock_.now()},
+      budget_{clock_.now()},
       queue_{config.queue_bytes},
       capacity_{config.queue_bytes} {
   status_.state = JournalStatus::State::kOn;
-  if (!is_new(survey)) {
+  budget_.wrote(static_cast<std::size_t>(journal::FlushBudget::kMost) -
+                journal::kPageBytes);  // one page to begin with
+  if (survey.state == journal::Survey::State::kGood) {
     good_ = store_.go_on(survey, config_.keep);
     turn_.know_ends(survey.ends);
     safe_ends_ = survey.ends;
@@ -214,10 +211,7 @@ void JournalWriter::loop() noexcept {
     const Instant now = clock_.now();
     const std::size_t pages = journal::pages_of(turn_.payload_bytes()) * journal::kPageBytes;
     look_for_file(now);
-    // That a start was there is worth a page for itself when it is the mission's first one.
-    const bool alone = turn_.payload_bytes() < kWorthAPage && news_ == 0 && store_.holds_turns();
-    const bool due =
-        full || hurry_ || stopping || removed_ || (!alone && budget_.allows(pages, now));
+    const bool due = full || hurry_ || stopping || removed_ || budget_.allows(pages, now);
     if (!turn_.empty() && due && (good_ || now >= retry_at_ || stopping)) write(now);
     idle_ = turn_.empty() && !popped_ && queue_.read_available() == 0;
     note();
@@ -311,10 +305,14 @@ bool JournalWriter::drain(Duration patience) noexcept {
   if (!thread_.joinable()) return true;
   hurry_ = true;
   const Instant end = clock_.now() + patience;
-  std::this_thread::sleep_for(2 * kNap);  // what was put before this call is seen
-  while (!idle_ && clock_.now() < end) std::this_thread::sleep_for(kNap / 4);
+  bool done = false;
+  // Twice: a round that found nothing may have begun before the last thing was put.
+  for (int round = 0; round < 2; ++round) {
+    idle_ = false;
+    while (!(done = idle_) && clock_.now() < end) std::this_thread::sleep_for(kNap / 4);
+  }
   hurry_ = false;
-  return idle_;
+  return done;
 }
 
 void JournalWriter::wait_for_room() const noexcept {

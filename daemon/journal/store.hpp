@@ -37,8 +37,6 @@ class Store {
   /// Handed to the file since the beginning, in whole pages; and of these, for a change of halves.
   [[nodiscard]] std::uint64_t bytes_written() const noexcept { return bytes_written_; }
   [[nodiscard]] std::uint64_t bytes_carried() const noexcept { return bytes_carried_; }
-  /// A turn was written or found: whose mission it is can be read.
-  [[nodiscard]] bool holds_turns() const noexcept { return at_ > base(); }
   [[nodiscard]] std::uint32_t generation() const noexcept { return generation_; }
   [[nodiscard]] std::uint64_t half_bytes() const noexcept {
     return std::uint64_t{half_pages_} * kPageBytes;

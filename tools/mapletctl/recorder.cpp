@@ -62,9 +62,6 @@ std::vector<std::string> lines_of(const fs::path& file) {
   return lines;
 }
 
-/// What the files alone differ in was found out behind the last frame.
-constexpr std::uint64_t kBehind = ~std::uint64_t{0} - 1;
-
 /// frames.digest: a line a frame, its number and a mark for each stage's result.
 void compare_frames(const fs::path& a, const fs::path& b, First& first) {
   const auto lines_a = lines_of(a / "frames.digest");
@@ -108,7 +105,7 @@ void compare_files(const fs::path& a, const fs::path& b, First& first) {
        {Kind{"odometry.tum", 1}, Kind{"delta_poses.jsonl", 3}, Kind{"skeleton.g2o", 4},
         Kind{"trajectory.tum", 4}, Kind{"skeleton_alone.g2o", 4}, Kind{"map.ply", 4}}) {
     if (content_of(a / kind.file) == content_of(b / kind.file)) continue;
-    First found{kBehind, kind.stage, kind.file};
+    First found{~std::uint64_t{0} - 1, kind.stage, kind.file};
     if (found.before(first)) first = found;
   }
   for (const auto& [x, y] : {std::pair{a, b}, std::pair{b, a}}) {
@@ -116,12 +113,12 @@ void compare_files(const fs::path& a, const fs::path& b, First& first) {
     for (const auto& entry : fs::directory_iterator{x / "maplets", none}) {
       const fs::path name = fs::path{"maplets"} / entry.path().filename();
       if (content_of(x / name) == content_of(y / name)) continue;
-      First found{kBehind, 2, name.string()};
+      First found{~std::uint64_t{0} - 1, 2, name.string()};
       if (found.before(first)) first = found;
     }
   }
   if (figures(a) != figures(b)) {
-    First found{kBehind, 5, "report.json"};
+    First found{~std::uint64_t{0} - 1, 5, "report.json"};
     if (found.before(first)) first = found;
   }
 }
@@ -142,9 +139,7 @@ int diff(const Diff& options) {
   compare_files(options.a, options.b, first);
   const bool equal = first.file.empty();
   Json json{{"equal", equal}, {"first", Json{}}};
-  const auto frames = lines_of(fs::path{options.a} / "frames.digest");
-  if (first.frame == kBehind && !frames.empty()) std::istringstream{frames.back()} >> first.frame;
-  const bool known = !equal && first.frame < kBehind;
+  const bool known = !equal && first.frame < ~std::uint64_t{0} - 1;
   if (!equal) {
     json["first"] = {{"frame", known ? Json(first.frame) : Json{}},
                      {"stage", kStages[first.stage]},

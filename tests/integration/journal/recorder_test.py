@@ -147,8 +147,7 @@ class Recorder(daemon.DaemonTest):
         # One byte of the configuration that ran is another one.
         for change, stage, from_frame in (("patches.min_valid_fraction=0.6", "patches", 0),
                                           ("odometry.noise_scale=1.6", "odometry", 1),
-                                          ("maplet.max_yaw_rad=1.1", "maplet", 50),
-                                          ("registration.min_matches=9", "registration", 50)):
+                                          ("maplet.max_yaw_rad=1.1", "maplet", 50)):
             self.replay("b", "--set", change)
             found = self.diff("a", "b")
             self.assertFalse(found["equal"], change)

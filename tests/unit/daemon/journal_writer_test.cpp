@@ -179,7 +179,7 @@ TEST(JournalWriter, TooMuchThatWaitsIsSaidAndWhatWasSafeStays) {
 }
 
 TEST(JournalWriter, WritesLittleMoreThanItRecords) {
-  journal::FlushBudget budget{2 * journal::kPageBytes, Instant{}};
+  journal::FlushBudget budget{Instant{}};
   std::mt19937 rng{2};
   Instant now{};
   double recorded = 0;
