@@ -69,7 +69,7 @@ TEST_F(Resuming, OldMapletsAreReadOneByOneBesideTheFrames) {
 }
 
 TEST_F(Resuming, AFrontierIsLookedForWhenAMapletIsFirstLoaded) {
-  MapletStore store{4, kMaxMapletBytes, arena_};
+  MapletStore store{4, 4096, kMaxMapletBytes, arena_};
   ASSERT_TRUE(store.put(own(0), maplet_of_a_room(0)));
   Arena arena;
   Skeleton skeleton{{}, arena};
