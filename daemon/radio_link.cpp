@@ -251,6 +251,7 @@ void RadioLink::send(Instant now) noexcept {
   charge_others();
   const auto rate = static_cast<std::uint64_t>(bytes_per_s_.load());
   budget_.set_rate(static_cast<double>(rate));
+  budget_.set_apart(node_->somebody_away(now));
   // Robots find each other first; from then on not even DDS's repetitions go beyond the budget.
   WireMeter::most_in_a_window =
       now - opened_at_ < kDiscovery ? 0 : rate * (WireMeter::kWindow / 1s);

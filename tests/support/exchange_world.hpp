@@ -161,6 +161,7 @@ class World {
 
   void send(Robot& robot) {
     const std::size_t most = robot.datagram_bytes + kWireOverhead;
+    robot.budget.set_apart(robot.node.somebody_away(now));
     while (robot.budget.allows(most, now, false)) {
       const ExchangeNode::Outgoing out = robot.node.next(now, robot.budget.allows(most, now));
       if (out.bytes.empty()) return;

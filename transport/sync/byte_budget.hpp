@@ -21,7 +21,7 @@ namespace maplet {
 class ByteBudget {
  public:
   static constexpr Duration kWindow = std::chrono::seconds{10};
-  static constexpr Duration kForget = std::chrono::seconds{120};  ///< half of what others took
+  static constexpr Duration kForget = std::chrono::seconds{30};  ///< half of what others took
 
   /// @param bytes_per_s  IP bytes
   /// @param burst_bytes  may go at once; at least the largest datagram on the wire
@@ -40,13 +40,15 @@ class ByteBudget {
   /// not wait behind it.
   [[nodiscard]] bool allows(std::size_t bytes, Instant now, bool bulk = true) noexcept {
     advance(now);
-    if (tokens_ <= (bulk ? 0.0 : -burst_)) return false;
-    const double all = rate_ * seconds(kWindow) * (bulk ? kBulkShare : 1.0);
+    if (tokens_ <= (bulk ? 0.0 : -kUrgentBursts * burst_)) return false;
+    const double all = rate_ * seconds(kWindow) * (bulk ? bulk_share_ : 1.0);
     const auto others = static_cast<double>(sum(others_));
     const double reserve = std::clamp(others_peak_ - others, 0.0, all / 4.0);
     return static_cast<double>(sum(ours_) + bytes) + others + reserve <= all;
   }
 
+  /// Somebody who was heard is not any more: once they are back there must be room for records.
+  void set_apart(bool apart) noexcept { bulk_share_ = apart ? kBulkShareApart : kBulkShare; }
   void set_rate(double bytes_per_s) noexcept { rate_ = bytes_per_s; }
   [[nodiscard]] double bytes_per_s() const noexcept { return rate_; }
   /// Bytes of the last ten seconds.
@@ -58,7 +60,9 @@ class ByteBudget {
  private:
   static constexpr std::size_t kBins = 42;  // a little more than the window: it never begins late
   static constexpr Duration kBin = std::chrono::milliseconds{250};
-  static constexpr double kBulkShare = 0.75;  // a meeting finds room for its records
+  static constexpr double kBulkShare = 0.9;
+  static constexpr double kBulkShareApart = 0.5;
+  static constexpr double kUrgentBursts = 3.0;  // what is urgent may borrow
   using Bins = std::array<std::uint32_t, kBins>;
 
   static std::uint64_t sum(const Bins& bins) noexcept {
@@ -69,7 +73,7 @@ class ByteBudget {
   void add(Bins& bins, std::size_t bytes, Instant now) noexcept {
     advance(now);
     bins[at_] += static_cast<std::uint32_t>(bytes);
-    tokens_ = std::max(tokens_ - static_cast<double>(bytes), -4.0 * burst_);
+    tokens_ = std::max(tokens_ - static_cast<double>(bytes), -2.0 * kUrgentBursts * burst_);
   }
   void advance(Instant now) noexcept {
     if (now <= last_) return;
@@ -87,6 +91,7 @@ class ByteBudget {
   }
 
   double rate_;
+  double bulk_share_ = kBulkShare;
   double burst_;
   double tokens_;
   Instant last_;

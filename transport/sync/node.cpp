@@ -11,6 +11,7 @@ constexpr Duration kFresh = std::chrono::seconds{60};   // a change is news for 
 constexpr Duration kNear = std::chrono::seconds{150};   // a peer unheard for longer is far away
 constexpr Duration kAlive = std::chrono::seconds{600};  // and then gone
 constexpr Duration kThere = std::chrono::seconds{10};   // a peer that hears us, most likely
+constexpr Duration kHeard = std::chrono::seconds{3};    // a peer that hears our digests now
 constexpr int kMaxTries = 6;
 constexpr int kRepeats = 2;
 constexpr int kMaxSkips = 512;  // records no longer kept, looked up in one call
@@ -125,6 +126,19 @@ void ExchangeNode::wake(Instant now) noexcept {
 bool ExchangeNode::recent_peer_behind(Instant now, Duration age) const noexcept {
   return std::ranges::any_of(peers_.all(), [&](const Peer& peer) {
     return !peer.superseded && now - peer.last_heard < age && !in_sync(peer);
+  });
+}
+
+bool ExchangeNode::somebody_away(Instant now) const noexcept {
+  return std::ranges::any_of(peers_.all(), [&](const Peer& peer) {
+    const Duration silence = now - peer.last_heard;
+    return !peer.superseded && silence > kThere && silence < kAlive;
+  });
+}
+
+bool ExchangeNode::recently_heard(const Life& life, Instant now) const noexcept {
+  return std::ranges::any_of(peers_.all(), [&](const Peer& peer) {
+    return peer.life == life && !peer.superseded && now - peer.last_heard < kHeard;
   });
 }
 

@@ -107,6 +107,8 @@ class ExchangeNode {
   [[nodiscard]] bool settled(Instant now) const noexcept;
   /// Records came or were made in the last minute.
   [[nodiscard]] bool fresh(Instant now) const noexcept;
+  /// Somebody was heard in the last ten minutes and is not any more.
+  [[nodiscard]] bool somebody_away(Instant now) const noexcept;
   /// Nobody was heard for so long.
   [[nodiscard]] bool lonely(Instant now, Duration age) const noexcept;
   /// Maplets wanted and not here yet, or asked of us and not sent yet.
@@ -140,7 +142,12 @@ class ExchangeNode {
   void take_beacon(std::span<const std::byte> body, Peer& peer, Instant now) noexcept;
   void take_digest(std::span<const std::byte> body, Peer& peer, Instant now) noexcept;
   void take_request(std::span<const std::byte> body) noexcept;
-  void want(const KeyRange& range, std::uint16_t holder, Instant due) noexcept;
+  /// @param other_holder  asked when the first one does not answer
+  void want(const KeyRange& range, std::uint16_t holder, Instant due,
+            std::uint16_t other_holder) noexcept;
+  [[nodiscard]] std::uint16_t author_or(const Life& author, const Peer& peer,
+                                        Instant now) const noexcept;
+  [[nodiscard]] bool recently_heard(const Life& life, Instant now) const noexcept;
   void owe(const KeyRange& range) noexcept;
   void changed(Instant now) noexcept;
 

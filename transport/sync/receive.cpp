@@ -127,7 +127,7 @@ void ExchangeNode::take_record(const Record& record, RecordRing<Record>& ring, P
   const SeqSet& held = ledger_.find(life)->held[static_cast<std::size_t>(record.key.stream)];
   if (held.next() < record.key.seq) {
     held.missing({held.next(), record.key.seq}, [&](const SeqRange& gap) {
-      want({life, record.key.stream, gap}, peer.life.agent, now + kSoon * 2);
+      want({life, record.key.stream, gap}, peer.life.agent, now + kSoon * 2, peer.life.agent);
     });
   }
 }
@@ -174,7 +174,7 @@ void ExchangeNode::take_digest(std::span<const std::byte> body, Peer& peer, Inst
     if (range.stream == Stream::kMaplets) {
       trade_.heard_holding(range, peer.life.agent, now);
     } else {
-      want(range, peer.life.agent, now);
+      want(range, author_or(range.life, peer, now), now, peer.life.agent);
     }
   }
   for (const KeyRange& range : difference->they_lack) {
@@ -209,10 +209,17 @@ void ExchangeNode::take_request(std::span<const std::byte> body) noexcept {
   }
 }
 
-void ExchangeNode::want(const KeyRange& range, std::uint16_t holder, Instant due) noexcept {
+// Whoever made the records and is heard gives them unasked; two that send them are one too many.
+std::uint16_t ExchangeNode::author_or(const Life& author, const Peer& peer,
+                                      Instant now) const noexcept {
+  return recently_heard(author, now) ? author.agent : peer.life.agent;
+}
+
+void ExchangeNode::want(const KeyRange& range, std::uint16_t holder, Instant due,
+                        std::uint16_t other_holder) noexcept {
   for (Want& other : wants_) {
     if (!touch(other.range, range)) continue;
-    if (other.tries >= 2) other.holder = holder;  // the first one does not answer
+    if (other.tries >= 2) other.holder = other_holder;  // the first one does not answer
     // The same gap and more: ask for all of it.
     other.range.seqs.first = std::min(other.range.seqs.first, range.seqs.first);
     other.range.seqs.end = std::max(other.range.seqs.end, range.seqs.end);

@@ -45,8 +45,9 @@ struct LinkProfile {
   bool mixed = false;  ///< small things share datagrams; else each kind of traffic has its own
   Duration quick =
       std::chrono::milliseconds{800};  ///< between two digests while something is unconfirmed
-  Duration holdoff = std::chrono::milliseconds{350};  ///< nothing is sent twice within
-  Duration again = std::chrono::milliseconds{900};    ///< news are said anew, if not confirmed
+  Duration holdoff =
+      std::chrono::milliseconds{700};  ///< nothing is sent twice within: a round trip and its queue
+  Duration again = std::chrono::milliseconds{900};  ///< news are said anew, if not confirmed
   std::size_t assemblies = 4;
 };
 
