@@ -8,6 +8,8 @@
 
 #if defined(__x86_64__) || defined(__i386__)
 #include <immintrin.h>
+#elif defined(__aarch64__)
+#include <arm_neon.h>
 #endif
 
 namespace maplet {
@@ -93,6 +95,45 @@ MAPLET_AVX2 void assign_block_avx2(const std::uint16_t* pixels, std::ptrdiff_t s
     won[c] += static_cast<std::uint32_t>(hits(halves[0]) + hits(halves[1]));
   }
 }
+#elif defined(__aarch64__)
+/// Names of four pixels, 32 bits each.
+inline uint32x4_t assign_four(uint16x4_t raw, const DepthScale& scale, int u, int v,
+                              const LinearDepth* planes, int count) noexcept {
+  const uint32x4_t wide = vmovl_u16(raw);
+  const float32x4_t w = vdivq_f32(vdupq_n_f32(scale.steps_times_raw), vcvtq_f32_u32(wide));
+  const float32x4_t zero_to_three = {0.0F, 1.0F, 2.0F, 3.0F};
+  const float32x4_t columns = vaddq_f32(zero_to_three, vdupq_n_f32(static_cast<float>(u)));
+  float32x4_t best = vdupq_n_f32(1.0F);
+  uint32x4_t name = vdupq_n_u32(kNobody);
+  for (int c = 0; c < count; ++c) {
+    const float left = planes[c].corner + planes[c].per_v * static_cast<float>(v);
+    const float32x4_t at = vaddq_f32(vdupq_n_f32(left), vmulq_n_f32(columns, planes[c].per_u));
+    const float32x4_t size = vmulq_n_f32(vabsq_f32(vsubq_f32(w, at)), planes[c].per_limit);
+    const uint32x4_t closer = vcltq_f32(size, best);
+    best = vbslq_f32(closer, size, best);
+    name = vbslq_u32(closer, vdupq_n_u32(static_cast<std::uint32_t>(planes[c].name)), name);
+  }
+  const uint32x4_t inside = vandq_u32(vcgeq_u32(wide, vdupq_n_u32(scale.min_raw)),
+                                      vcleq_u32(wide, vdupq_n_u32(scale.max_raw)));
+  return vbslq_u32(inside, name, vdupq_n_u32(kNobody));
+}
+
+void assign_block_neon(const std::uint16_t* pixels, std::ptrdiff_t stride_px, int rows,
+                       const DepthScale& scale, const LinearDepth* planes, int count,
+                       std::uint8_t* labels, std::ptrdiff_t labels_stride,
+                       std::uint32_t* won) noexcept {
+  for (int v = 0; v < rows; ++v) {
+    const uint16x8_t raw = vld1q_u16(pixels + v * stride_px);
+    const uint16x4_t left = vmovn_u32(assign_four(vget_low_u16(raw), scale, 0, v, planes, count));
+    const uint16x4_t right = vmovn_u32(assign_four(vget_high_u16(raw), scale, 4, v, planes, count));
+    const uint8x8_t names = vmovn_u16(vcombine_u16(left, right));
+    vst1_u8(labels + v * labels_stride, names);
+    for (int c = 0; c < count; ++c) {
+      const uint8x8_t hit = vceq_u8(names, vdup_n_u8(static_cast<std::uint8_t>(planes[c].name)));
+      won[c] += vaddv_u8(vshr_n_u8(hit, 7));
+    }
+  }
+}
 #endif
 
 }  // namespace
@@ -124,6 +165,8 @@ void assign_block_plain(const std::uint16_t* pixels, std::ptrdiff_t stride_px, i
 AssignFunction best_assign_function() noexcept {
 #if defined(__x86_64__) || defined(__i386__)
   if (__builtin_cpu_supports("avx2")) return assign_block_avx2;
+#elif defined(__aarch64__)
+  return assign_block_neon;
 #endif
   return assign_block_plain;
 }

@@ -48,6 +48,7 @@ cp "$deb" "$root/mapletd.deb"
 claim "it installs where there is no systemd" inside dpkg -i /mapletd.deb
 claim "its user is there" inside getent passwd mapletd
 claim "it runs" inside mapletd --source 'sim:room?frames=30&width=320' --no-dds --out /tmp/run
+claim "the demo is there" inside bash -c 'test -x /usr/libexec/mapletd/demo && mapletctl demo --help'
 claim "and left a map" test -s "$root/tmp/run/map.svg"
 claim "no camera is said in one line" bash -c "! chroot '$root' mapletd --source openni2: --no-dds --out /tmp/none"
 

@@ -7,7 +7,10 @@
 #include <unistd.h>
 
 #include <atomic>
+#include <cstdlib>
 #include <fstream>
+#include <iterator>
+#include <sstream>
 #include <stdexcept>
 #include <thread>
 
@@ -37,6 +40,12 @@ Process::Process(std::vector<std::string> command)
     : out_{fresh_file(".out")}, err_{fresh_file(".err")}, start_{std::chrono::steady_clock::now()} {
   if (command.front().find('/') == std::string::npos) {
     command.front() = (bin_dir() / command.front()).string();
+  }
+  // Programs of another processor: the words before them, "qemu-aarch64-static -L sysroot".
+  if (const char* emulator = std::getenv("MAPLET_EMULATOR");
+      emulator != nullptr && command.front().starts_with(bin_dir().string())) {
+    std::istringstream words{emulator};
+    command.insert(command.begin(), std::istream_iterator<std::string>{words}, {});
   }
   std::vector<char*> argv;
   for (std::string& word : command) argv.push_back(word.data());
@@ -72,6 +81,7 @@ bool Process::running() {
 }
 
 Finished Process::wait(std::chrono::seconds limit) {
+  if (const char* patience = std::getenv("MAPLET_PATIENCE")) limit *= std::atoi(patience);
   const auto end = std::chrono::steady_clock::now() + limit;
   bool killed = false;
   while (running()) {

@@ -20,6 +20,7 @@ class Failure : public std::runtime_error {
 // Each command lives in a file of its own and adds itself to the command line.
 void add_check(Command app);
 void add_daemon_commands(Command app);
+void add_demo(Command app);
 void add_diff(Command app);
 void add_draw(Command app);
 void add_eval(Command app);

@@ -27,6 +27,7 @@ int main(int argc, char** argv) {
         [](Command app) {
           add_daemon_commands(app);
           add_check(app);
+          add_demo(app);
           add_diff(app);
           add_draw(app);
           add_eval(app);

@@ -1,0 +1,26 @@
+# Read by cpack for a package of another architecture, where dpkg-shlibdeps has no package database:
+# Debian's library packages have the same names everywhere, so this machine's packages with the
+# libraries' sonames are what the programs depend on.
+execute_process(COMMAND dpkg --print-architecture OUTPUT_VARIABLE native OUTPUT_STRIP_TRAILING_WHITESPACE
+                COMMAND_ERROR_IS_FATAL ANY)
+set(needed "")
+foreach(program ${CPACK_MAPLET_PROGRAMS})
+  execute_process(COMMAND objdump -p ${program} OUTPUT_VARIABLE headers COMMAND_ERROR_IS_FATAL ANY)
+  string(REGEX MATCHALL "NEEDED +[^ \n]+" lines "${headers}")
+  list(TRANSFORM lines REPLACE "NEEDED +" "")
+  list(APPEND needed ${lines})
+endforeach()
+list(REMOVE_DUPLICATES needed)
+list(FILTER needed EXCLUDE REGEX "^ld-linux")
+set(depends "")
+foreach(soname ${needed})
+  execute_process(COMMAND dpkg-query -S "*/${soname}" OUTPUT_VARIABLE owners ERROR_QUIET)
+  if(NOT owners MATCHES "(^|\n)([a-z0-9.+-]+):${native}:")
+    message(FATAL_ERROR "no installed package has ${soname}: tools/setup build installs what the programs are linked with")
+  endif()
+  list(APPEND depends ${CMAKE_MATCH_2})
+endforeach()
+list(REMOVE_DUPLICATES depends)
+list(SORT depends)
+list(TRANSFORM depends REPLACE "^libc6$" "libc6 (>= 2.36)")
+list(JOIN depends ", " CPACK_DEBIAN_PACKAGE_DEPENDS)
