@@ -144,6 +144,8 @@ void report(const Options& options, Result& result) {
   cost("odometry", result.odometry_us);
   cost("both    ", result.both_us);
   fmt::print("patches per frame p50 {:.0f}\n", percentile(result.patch_counts, 0.5));
+  if (result.estimate.empty())
+    throw std::runtime_error{"not one frame was tracked: no errors, and no file is written"};
   if (!options.out.empty()) {
     std::ofstream out{options.out};
     for (const auto& [stamp, pose] : result.estimate) {

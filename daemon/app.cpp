@@ -176,8 +176,8 @@ void App::process(const DepthFrame& frame) {
     step = agent_->step(frame, deadline(given_));
   }
   if (pace_ != Pace::kFast) governor_.done(flight_.now() - begin, budget_);
-  last_stamp_ = frame.stamp;
   say_tracking(step.track);
+  last_stamp_ = frame.stamp;
   totals_.add(step);
   if (output_) {
     output_->frame(frame.index, step, digest_of(step, records_.pending(), agent_->skeleton()));
@@ -225,6 +225,11 @@ void App::stay_held() {
 }
 
 void App::say_tracking(const Track& track) noexcept {
+  if (track.leapt) {
+    const Line leap = line("stamps leap from {:.3f} s to {:.3f} s: a gap", seconds(last_stamp_),
+                           seconds(track.stamp));
+    warnings_.say(view(leap));
+  }
   const bool tracking = track.state == Track::State::kTracking;
   if (tracking == tracking_) return;
   set_tracking(tracking);

@@ -77,7 +77,7 @@ std::string report_json(const RunTotals& totals, const SourceCounters& source,
   }
   report["tracking"] = {
       {"keyframes", totals.keyframes},          {"lost", totals.lost},
-      {"recovered", tracking.recovered},        {"gaps", tracking.segments},
+      {"recovered", tracking.recovered},        {"gaps", tracking.segments + tracking.leaps},
       {"partly_free", totals.partly_free},      {"free_sigma_m", totals.free_sigma_m},
       {"with_gray", tracking.with_gray},        {"hints_used", tracking.hints_used},
       {"hints_refused", tracking.hints_refused}};

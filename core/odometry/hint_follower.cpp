@@ -12,22 +12,32 @@ constexpr int kRightToBelieve = 15;
 // No odometry is better than this from one frame to the next.
 constexpr double kFloorM = 0.003;
 constexpr double kFloorRad = 0.003;
+// A way over which hints are compared, and how well it is known from what was seen.
+constexpr double kWayM = 0.2;
+constexpr double kWayRad = 0.3;
+constexpr double kWaySigmaM = 0.01;
+constexpr double kWaySigmaRad = 0.01;
+constexpr double kWayGate = 24.0;  // chi-square of 6 degrees of freedom, 5e-4
 
 }  // namespace
 
 bool HintFollower::motion(Kind kind, const MotionHint& now, HintedMotion& out) const noexcept {
-  if (!known_) return false;
+  return known_ && between(kind, last_, now, 1, out);
+}
+
+bool HintFollower::between(Kind kind, const MotionHint& from, const MotionHint& now, int steps,
+                           HintedMotion& out) const noexcept {
   out.information.setZero();
   if (kind == kTurn) {
-    if (!now.has_turn || !last_.has_turn) return false;
-    out.T_last_now = {last_.q_gyro_camera.conjugate() * now.q_gyro_camera, Eigen::Vector3d::Zero()};
+    if (!now.has_turn || !from.has_turn) return false;
+    out.T_last_now = {from.q_gyro_camera.conjugate() * now.q_gyro_camera, Eigen::Vector3d::Zero()};
     const double sigma = kFloorRad + config_.gyro_share * out.T_last_now.angle();
     out.information.diagonal().tail<3>().setConstant(1.0 / (sigma * sigma));
     return out.T_last_now.q.coeffs().allFinite();
   }
-  if (!now.has_pose || !last_.has_pose) return false;
-  out.T_last_now = last_.T_external_camera.inverse() * now.T_external_camera;
-  Matrix6d covariance = now.step_covariance;
+  if (!now.has_pose || !from.has_pose) return false;
+  out.T_last_now = from.T_external_camera.inverse() * now.T_external_camera;
+  Matrix6d covariance = steps * now.step_covariance;
   if (covariance.isZero()) {
     const double m = config_.external_share * out.T_last_now.t.norm();
     const double rad = config_.external_share * out.T_last_now.angle();
@@ -40,16 +50,45 @@ bool HintFollower::motion(Kind kind, const MotionHint& now, HintedMotion& out) c
          out.information.allFinite();
 }
 
-void HintFollower::judge(Kind kind, bool agreed) noexcept {
+void HintFollower::look_back(const MotionHint& now, const Se3& T_odom_camera, bool alone) noexcept {
+  const Se3 seen = way_.T_odom_camera.inverse() * T_odom_camera;
+  ++way_.steps;
+  const bool over = seen.t.norm() > kWayM || seen.angle() > kWayRad;
+  if (way_.begun && !alone && !over) return;
+  for (const auto kind : {kPose, kTurn}) {
+    HintedMotion said;
+    if (!way_.begun || alone || !between(kind, way_.hint, now, way_.steps, said)) continue;
+    const Vector6d off = (said.T_last_now.inverse() * seen).log();
+    // In both the motion that was seen is uncertain, too; a gyro knows no translation.
+    Vector6d sigma;
+    sigma << Eigen::Vector3d::Constant(kWaySigmaM), Eigen::Vector3d::Constant(kWaySigmaRad);
+    double chi2 = 0.0;
+    if (kind == kTurn) {
+      const double variance = 1.0 / said.information(5, 5) + kWaySigmaRad * kWaySigmaRad;
+      chi2 = off.tail<3>().squaredNorm() / variance;
+    } else {
+      Matrix6d covariance = said.information.inverse();
+      covariance.diagonal() += sigma.cwiseAbs2();
+      chi2 = off.dot(covariance.inverse() * off);
+    }
+    states_[kind].agreed_over_way = chi2 < kWayGate;
+  }
+  way_ = {now, T_odom_camera, 0, true};
+}
+
+bool HintFollower::judge(Kind kind, bool agreed) noexcept {
   State& state = states_[kind];
+  agreed = agreed && state.agreed_over_way;
   if (agreed == state.believed) {
     state.streak = 0;
-    return;
+    return agreed;
   }
   const int needed = state.believed ? kWrongToDoubt : kRightToBelieve;
-  if (++state.streak < needed) return;
-  state.believed = !state.believed;
-  state.streak = 0;
+  if (++state.streak >= needed) {
+    state.believed = !state.believed;
+    state.streak = 0;
+  }
+  return agreed;
 }
 
 }  // namespace maplet

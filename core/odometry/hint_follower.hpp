@@ -38,17 +38,33 @@ class HintFollower {
     last_ = now;
     known_ = true;
   }
-  void judge(Kind kind, bool agreed) noexcept;
+  /// Compares what was seen with what was said over a longer way than a frame's: what is a few
+  /// per cent of a step off, each time to the same side, is only seen there.
+  /// @param alone  along some axis nothing was seen but what hints filled: no comparison
+  void look_back(const MotionHint& now, const Se3& T_odom_camera, bool alone) noexcept;
+  /// @param agreed  in this frame; what the last longer way showed is added
+  /// @return whether both did
+  bool judge(Kind kind, bool agreed) noexcept;
 
  private:
   struct State {
     bool believed = true;
     int streak = 0;  ///< of the opposite
+    bool agreed_over_way = true;
   };
+  struct Way {  ///< since its beginning
+    MotionHint hint;
+    Se3 T_odom_camera;
+    int steps = 0;
+    bool begun = false;
+  };
+  [[nodiscard]] bool between(Kind kind, const MotionHint& from, const MotionHint& now, int steps,
+                             HintedMotion& out) const noexcept;
 
   OdometryConfig config_;
   MotionHint last_;
   bool known_ = false;
+  Way way_;
   State states_[kKinds];
 };
 

@@ -23,12 +23,14 @@ KeyframePool::KeyframePool(const OdometryConfig& config, Arena& arena)
   for (auto& slot : slots_) slot = arena.make<Slot>("odometry/view", facets_of(config), arena);
 }
 
-const Keyframe& KeyframePool::commit() noexcept {
+const Keyframe& KeyframePool::commit(const PatchView& frame) noexcept {
   const Keyframe& keyframe = *newest_keyframe_;
   newest_ = used_ < kSlots ? used_ : least_worth(keyframe.T_odom_camera.se3);
   Slot& slot = *slots_[newest_];
   slot.place = {keyframe.id, keyframe.segment, keyframe.T_odom_camera.se3};
   slot.view.assign(keyframe.patches, config_);
+  const std::size_t same = std::min(slot.view.facets().size(), frame.facets().size());
+  for (std::size_t i = 0; i < same; ++i) slot.view.facets()[i].moved = frame.facets()[i].moved;
   used_ = std::max(used_, newest_ + 1);
   return keyframe;
 }

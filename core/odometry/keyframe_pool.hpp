@@ -35,7 +35,8 @@ class KeyframePool {
   /// The newest keyframe is filled anew; then commit() gives its view a free slot, or that of the
   /// one least worth keeping.
   [[nodiscard]] Keyframe& begin_add() noexcept { return *newest_keyframe_; }
-  const Keyframe& commit() noexcept;
+  /// @param frame  the view of the same patches: what of it moves is no reference here either
+  const Keyframe& commit(const PatchView& frame) noexcept;
 
   [[nodiscard]] bool empty() const noexcept { return used_ == 0; }
   [[nodiscard]] std::size_t size() const noexcept { return used_; }

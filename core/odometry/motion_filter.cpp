@@ -62,6 +62,11 @@ void MotionFilter::predict(double dt_s, bool damped) noexcept {
   }
 }
 
+void MotionFilter::blur(double sigma_s) noexcept {
+  const Vector6d off = sigma_s * velocity_;
+  P_.topLeftCorner<6, 6>() += off * off.transpose();
+}
+
 void MotionFilter::loosen() noexcept {
   constexpr double kFrameS = 1.0 / 30.0;
   P_.diagonal().head<6>() += split(kStartSpeedMps * kFrameS, kStartTurnRadps * kFrameS).cwiseAbs2();

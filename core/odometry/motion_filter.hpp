@@ -22,6 +22,8 @@ class MotionFilter {
   void start(const Se3& T_odom_camera) noexcept;
   /// Moves on by dt_s >= 0; `damped` when nothing has been seen for a while.
   void predict(double dt_s, bool damped) noexcept;
+  /// The time that passed is known only to this, one sigma.
+  void blur(double sigma_s) noexcept;
   /// A frame whose time makes no sense: the camera may have moved on by a frame, or not.
   void loosen() noexcept;
   /// Takes over an aligned pose whose free axes were filled from the prediction.

@@ -20,6 +20,8 @@ constexpr int kStepsPerAssociation = 2;
 constexpr double kStepM = 5e-4;
 constexpr double kStepRad = 2.5e-4;
 constexpr double kMaxChi2PerDof = 2.5;
+// Walls and floors look alike: of any two views of rooms a third agrees somewhere by chance.
+constexpr double kMinAgreement = 0.55;
 
 // How far parts of the evidence pull apart (eq. 15), whitened by the whole.
 struct Pull {
@@ -36,7 +38,8 @@ Pull pull_of(const NormalEquations& part, const Whitening& white, const Vector6d
 
 bool usable(const Alignment& alignment, const OdometryConfig& config) noexcept {
   return alignment.inliers >= static_cast<std::uint32_t>(config.min_pairs) &&
-         alignment.overlap >= config.min_overlap && alignment.chi2_per_dof < kMaxChi2PerDof;
+         alignment.overlap >= config.min_overlap && alignment.agreement >= kMinAgreement &&
+         alignment.chi2_per_dof < kMaxChi2PerDof;
 }
 
 PatchAligner::PatchAligner(const OdometryConfig& config, Arena& arena)
@@ -49,13 +52,14 @@ void PatchAligner::associate(const PatchView& frame, References references, cons
                              const Slack& slack) noexcept {
   pair_count_ = 0;
   for (std::size_t r = 0; r < references.size(); ++r) {
-    associate_with(frame, references[r], T, slack);
+    landed_[r] = associate_with(frame, references[r], T, slack);
     pair_end_[r] = pair_count_;
   }
 }
 
-void PatchAligner::associate_with(const PatchView& frame, const Reference& reference, const Se3& T,
-                                  const Slack& slack) noexcept {
+// @return pixels of the frame on patches of the reference
+double PatchAligner::associate_with(const PatchView& frame, const Reference& reference,
+                                    const Se3& T, const Slack& slack) noexcept {
   const double min_cosine = std::cos(config_.gate_rad);
   // The pose of the frame before is itself an estimate, about as good as this one will be.
   const double noise = config_.noise_scale * config_.noise_scale * (reference.previous ? 2.0 : 1.0);
@@ -63,10 +67,13 @@ void PatchAligner::associate_with(const PatchView& frame, const Reference& refer
   const Eigen::Matrix3d R_rc = T_reference_camera.rotation();
   const PlaneMotion motion{T_reference_camera};
   const Eigen::Vector3d Rp = motion.R.transpose() * motion.p;
+  double landed = 0.0;
   for (const Facet& facet : frame.facets().first(slack.facets)) {
     const int found = reference.view->at(times(R_rc, facet.centre) + T_reference_camera.t);
     if (found == PatchView::kNone) continue;
     const Facet& other = reference.view->facets()[static_cast<std::size_t>(found)];
+    if (other.moved) continue;
+    landed += facet.pixels;
     const Eigen::Vector3d q = times(motion.R, other.theta);
     const double s = 1.0 + dot(q, motion.p);
     if (s < kMinScale) continue;
@@ -86,6 +93,7 @@ void PatchAligner::associate_with(const PatchView& frame, const Reference& refer
     if (!(dot(residual, weight * residual) < config_.gate_chi2)) continue;
     pairs_[pair_count_++] = {&facet, &other, weight};
   }
+  return landed;
 }
 
 NormalEquations PatchAligner::equations(References references, const Se3& T) const noexcept {
@@ -173,8 +181,15 @@ void PatchAligner::judge(std::span<const Facet> facets, References references,
     const PairVerdict verdict =
         judge_pairs(pairs_of(r), motion, references[r].previous ? nullptr : &blocks_);
     chi2 += verdict.chi2;
-    out.overlap = std::max(out.overlap, verdict.pixels / all_pixels);
-    if (r == 0) out.first_overlap = verdict.pixels / all_pixels;
+    const double overlap = verdict.pixels / all_pixels;
+    if (overlap > out.overlap) {
+      out.overlap = overlap;
+      out.agreement = verdict.pixels / std::max(1.0, landed_[r]);
+    }
+    if (r == 0) out.first_overlap = overlap;
+    if (r == 1 && !references[r].previous) {
+      out.older_agreement = verdict.pixels / std::max(1.0, landed_[r]);
+    }
     out.inliers += verdict.inliers;
   }
   if (out.inliers > 0) out.chi2_per_dof = chi2 / (3.0 * out.inliers);
@@ -197,6 +212,7 @@ void PatchAligner::weigh(References all, PhotoTerm& photo, Alignment& out) noexc
     NormalEquations points;
     photo.accumulate(T, 0, points.information, points.gradient);
     weigh_photo(whole, points, photo, out);
+    out.gray = photo.seen() > 0;
     parts[0] += points;
     whole += points;
   }

@@ -20,7 +20,7 @@ namespace maplet {
 
 /// Patches to align to.
 struct Reference {
-  const PatchView* view;
+  PatchView* view;
   Se3 T_reference_odom;
   /// The frame before, not a keyframe: it steadies the estimate, but its own error is not counted
   /// anywhere, so it is no evidence about keyframes. Comes last.
@@ -52,9 +52,14 @@ struct Alignment {
   double photo_disagreement = 0.0;
   double expected_photo_disagreement = 0.0;
   double photo_inflation = 1.0;  ///< of the points' information, measured against the patches'
+  bool gray = false;             ///< intensities took part
   std::uint32_t inliers = 0;
   double overlap = 0.0;        ///< share of the frame's patch pixels on inliers, best reference
   double first_overlap = 0.0;  ///< the same for the first reference
+  /// Of the pixels that lie on a patch of that best reference, the share on inliers: what both
+  /// views should see is there.
+  double agreement = 0.0;
+  double older_agreement = 1.0;  ///< the same for an older keyframe; 1 without one
   std::uint32_t iterations = 0;
   Stop stop = Stop::kConverged;
 };
@@ -89,8 +94,8 @@ class PatchAligner {
 
   void associate(const PatchView& frame, References references, const Se3& T,
                  const Slack& slack) noexcept;
-  void associate_with(const PatchView& frame, const Reference& reference, const Se3& T,
-                      const Slack& slack) noexcept;
+  [[nodiscard]] double associate_with(const PatchView& frame, const Reference& reference,
+                                      const Se3& T, const Slack& slack) noexcept;
   [[nodiscard]] bool finer(Slack& slack, const PatchView& frame) const noexcept;
   [[nodiscard]] std::span<const FacetPair> pairs_of(std::size_t reference) const noexcept {
     const std::size_t begin = reference == 0 ? 0 : pair_end_[reference - 1];
@@ -108,6 +113,7 @@ class PatchAligner {
   std::span<FacetPair> pairs_;
   std::size_t pair_count_ = 0;
   std::array<std::size_t, kMaxReferences> pair_end_{};  ///< of each reference's pairs
+  std::array<double, kMaxReferences> landed_{};  ///< pixels of the frame on patches of each one
   ScoreBlocks blocks_;
 };
 

@@ -14,6 +14,8 @@ namespace {
 constexpr double kMinInformation = 1e-9;
 constexpr std::size_t kProbes = 48;      // facets that are looked for in another view
 constexpr double kProbeTolerance = 0.1;  // of inverse depth
+constexpr int kLeastProbes = 3;
+constexpr double kBesideCells = 2.0;  // what is seen through is more than an edge wide
 
 Sym3 invert(const Eigen::Matrix3d& information) noexcept {
   Sym3 sum = Sym3::of(information);
@@ -58,6 +60,8 @@ void PatchView::assign(const PatchSet& set, const OdometryConfig& config) noexce
       facet.surface = plane.theta;
       facet.surface_covariance = invert(plane.information);
     }
+    facet.moved = false;
+    facet.stood = false;
     facet.centre = patch.centre();
     facet.pixels = pixels;
     facet.block = score_block(patch.u_px + 0.5 * patch.width_px, patch.v_px + 0.5 * patch.height_px,
@@ -84,6 +88,32 @@ double PatchView::share_on(const PatchView& other, const Se3& T_other_this) cons
     if (std::abs(there - 1.0) < kProbeTolerance) seen += facet.pixels;
   }
   return seen / all;
+}
+
+std::array<int, 4> PatchView::beside(const Facet& facet) const noexcept {
+  const double u = camera_.fx_px * facet.centre.x() / facet.centre.z() + camera_.cx_px + 0.5;
+  const double v = camera_.fy_px * facet.centre.y() / facet.centre.z() + camera_.cy_px + 0.5;
+  const double reach = 0.5 * std::sqrt(facet.pixels) + cell_px_;
+  return {at_pixel(u - reach, v), at_pixel(u + reach, v), at_pixel(u, v - reach),
+          at_pixel(u, v + reach)};
+}
+
+bool PatchView::sees_through(const Eigen::Vector3d& point) const noexcept {
+  if (point.z() <= kMinDepthM) return false;
+  const double u = camera_.fx_px * point.x() / point.z() + camera_.cx_px + 0.5;
+  const double v = camera_.fy_px * point.y() / point.z() + camera_.cy_px + 0.5;
+  const double beside = kBesideCells * cell_px_;
+  int seen = 0;
+  for (const auto& [du, dv] :
+       {std::pair{0.0, 0.0}, {-beside, 0.0}, {beside, 0.0}, {0.0, -beside}, {0.0, beside}}) {
+    const int found = at_pixel(u + du, v + dv);
+    if (found == kNone) continue;
+    // Inverse depth of the surface there, times the depth of the point.
+    const double there = facets()[static_cast<std::size_t>(found)].theta.dot(point);
+    if (!(there < 1.0 - kProbeTolerance)) return false;
+    ++seen;
+  }
+  return seen >= kLeastProbes;
 }
 
 void PatchView::fill_grid(const PatchSet& set) noexcept {

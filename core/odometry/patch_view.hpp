@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstdint>
 #include <span>
 
@@ -24,6 +25,8 @@ struct Facet {
   /// one. Normals of patches are noisy; as a Jacobian they would claim to see free directions.
   Eigen::Vector3d surface;
   Sym3 surface_covariance;
+  bool moved = false;  ///< it does not stand still: no reference
+  bool stood = false;  ///< a keyframe saw it where it is
 };
 
 /// A frame's patches as the alignment reads them: the largest first, and which one lies at a pixel.
@@ -40,6 +43,7 @@ class PatchView {
   void assign(const PatchSet& patches, const OdometryConfig& config) noexcept;
 
   [[nodiscard]] std::span<const Facet> facets() const noexcept { return facets_.first(size_); }
+  [[nodiscard]] std::span<Facet> facets() noexcept { return facets_.first(size_); }
   [[nodiscard]] const CameraModel& camera() const noexcept { return camera_; }
   /// Pixels on all facets.
   [[nodiscard]] double pixels() const noexcept { return pixels_; }
@@ -52,8 +56,24 @@ class PatchView {
   [[nodiscard]] int at(const Eigen::Vector3d& point) const noexcept {
     if (point.z() <= kMinDepthM) return kNone;
     const double inverse = 1.0 / point.z();
-    const double u = camera_.fx_px * point.x() * inverse + camera_.cx_px + 0.5;
-    const double v = camera_.fy_px * point.y() * inverse + camera_.cy_px + 0.5;
+    return at_pixel(camera_.fx_px * point.x() * inverse + camera_.cx_px + 0.5,
+                    camera_.fy_px * point.y() * inverse + camera_.cy_px + 0.5);
+  }
+
+  /// Whether what lies at a point (camera frame, m) does not stand still.
+  [[nodiscard]] bool moves_at(const Eigen::Vector3d& point) const noexcept {
+    const int found = at(point);
+    return found != kNone && facets()[static_cast<std::size_t>(found)].moved;
+  }
+
+  /// The facets to the left, right, above and below of one of its own, or kNone.
+  [[nodiscard]] std::array<int, 4> beside(const Facet& facet) const noexcept;
+
+  /// Whether it saw through where a point (camera frame, m) is, there and a little beside.
+  [[nodiscard]] bool sees_through(const Eigen::Vector3d& point) const noexcept;
+
+ private:
+  [[nodiscard]] int at_pixel(double u, double v) const noexcept {
     // Written so that NaN fails.
     if (!(u >= 0.0 && v >= 0.0 && u < camera_.width_px && v < camera_.height_px)) return kNone;
     const int index = grid_[static_cast<std::size_t>((static_cast<int>(v) / cell_px_) * columns_ +
@@ -61,7 +81,6 @@ class PatchView {
     return index == kEmpty ? kNone : index;
   }
 
- private:
   static constexpr int kMaxColumns = 160;
   static constexpr int kMaxRows = 128;
   static constexpr std::uint16_t kEmpty = 0xFFFF;

@@ -32,7 +32,7 @@ double PhotoTracker::inflation() const noexcept {
 }
 
 void PhotoTracker::learn(const Alignment& alignment) noexcept {
-  if (term_.empty()) return;
+  if (!alignment.gray) return;
   by_region_ += kFollow * (std::clamp(alignment.photo_inflation, 1.0, kMostInflation) - by_region_);
   // What is seen of the disagreement was whitened with the inflation of now: its own part is
   // undone.

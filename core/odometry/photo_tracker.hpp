@@ -22,8 +22,9 @@ class PhotoTracker {
   PhotoTracker(bool enabled, Arena& arena) : enabled_{enabled}, pyramid_{arena}, points_{arena} {}
 
   void assign(const DepthFrame& frame) noexcept;
-  void make_keyframe(const DepthFrame& frame, const PatchSet& patches) noexcept {
-    points_.assign(frame, patches, pyramid_, T_gray_depth_);
+  void make_keyframe(const DepthFrame& frame, const PatchSet& patches,
+                     const PatchView& view) noexcept {
+    points_.assign(frame, patches, view, pyramid_, T_gray_depth_);
   }
   /// The term against the newest keyframe; empty where there is no gray.
   [[nodiscard]] PhotoTerm& against(const Se3& T_reference_odom) noexcept {
@@ -35,8 +36,6 @@ class PhotoTracker {
     term_.end();
     return term_;
   }
-  /// Whether intensities had a say in the last alignment.
-  [[nodiscard]] bool used() const noexcept { return !term_.empty() && term_.seen() > 0; }
   void learn(const Alignment& alignment) noexcept;
 
  private:

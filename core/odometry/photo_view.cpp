@@ -67,8 +67,8 @@ PhotoView::PhotoView(Arena& arena)
   }
 }
 
-void PhotoView::assign(const DepthFrame& frame, const PatchSet& patches, const GrayPyramid& gray,
-                       const Se3& T_gray_depth) noexcept {
+void PhotoView::assign(const DepthFrame& frame, const PatchSet& patches, const PatchView& view,
+                       const GrayPyramid& gray, const Se3& T_gray_depth) noexcept {
   clear();
   if (gray.empty() || frame.depth.empty()) return;
   const int width = frame.depth.width_px;
@@ -95,7 +95,7 @@ void PhotoView::assign(const DepthFrame& frame, const PatchSet& patches, const G
         float intensity = 0.0F;
         float steepness = 0.0F;
         if (!look(level, at.x(), at.y(), intensity, steepness)) continue;
-        if (steepness <= best.steepness) continue;
+        if (steepness <= best.steepness || view.moves_at(p)) continue;
         best = {steepness, {p.cast<float>(), intensity}};
       }
     }

@@ -10,6 +10,7 @@
 #include "core/frame/depth_frame.hpp"
 #include "core/geometry/se3.hpp"
 #include "core/odometry/gray_pyramid.hpp"
+#include "core/odometry/patch_view.hpp"
 #include "core/patches/patch.hpp"
 
 namespace maplet {
@@ -32,8 +33,9 @@ class PhotoView {
   explicit PhotoView(Arena& arena);
 
   /// @param T_gray_depth  of the camera that made the pyramid's image
-  void assign(const DepthFrame& frame, const PatchSet& patches, const GrayPyramid& gray,
-              const Se3& T_gray_depth) noexcept;
+  /// @param view  of the same patches: what of it moves gives no points
+  void assign(const DepthFrame& frame, const PatchSet& patches, const PatchView& view,
+              const GrayPyramid& gray, const Se3& T_gray_depth) noexcept;
   void clear() noexcept { size_.fill(0); }
 
   [[nodiscard]] std::span<const PhotoPoint> points(int level) const noexcept {

@@ -31,6 +31,19 @@ bool within_reach(const Se3& T_camera_view, const Matrix6d& covariance) noexcept
              kReachRad + kSigmas * largest_sigma(covariance.bottomRightCorner<3, 3>());
 }
 
+Matrix6d covariance_of(const Whereabouts& whereabouts, std::uint32_t segment) noexcept {
+  if (segment == whereabouts.segment) return whereabouts.covariance;
+  return whereabouts.covariance + whereabouts.gap;
+}
+
+// Whether a view counts, and the camera may be near it.
+bool may_be(const Whereabouts& whereabouts, const StoredView& view) noexcept {
+  const bool same = view.segment == whereabouts.segment;
+  if (same ? !whereabouts.this_segment : !whereabouts.other_segments) return false;
+  return within_reach(whereabouts.T_odom_camera.inverse() * view.T_odom_view,
+                      covariance_of(whereabouts, view.segment));
+}
+
 bool within_gate(const Se3& T_expected_found, Matrix6d covariance) noexcept {
   covariance.diagonal().head<3>().array() += kFloorM * kFloorM;
   covariance.diagonal().tail<3>().array() += kFloorRad * kFloorRad;
@@ -55,25 +68,38 @@ bool Relocaliser::recognise(const PatchView& frame, const Reference& reference,
   return usable(out, config_) && out.overlap > kFoundOverlap && out.free_axes.empty();
 }
 
+// The keyframe within reach on which the most of the frame lies as it is; kNothing without one.
+std::size_t Relocaliser::likeliest(const PatchView& frame, const KeyframePool& pool,
+                                   const Whereabouts& whereabouts) const noexcept {
+  std::size_t best = kNothing;
+  double most = kScreen;
+  for (std::size_t i = 0; i < pool.size(); ++i) {
+    if (!may_be(whereabouts, {pool.place(i).T_odom_camera, pool.place(i).segment})) continue;
+    const double share = frame.share_on(*pool.reference(i).view, Se3{});
+    if (share < most) continue;
+    best = i;
+    most = share;
+  }
+  return best;
+}
+
 bool Relocaliser::run(const PatchView& frame, const KeyframePool& pool, PatchAligner& aligner,
                       PhotoTerm& no_photo, const Whereabouts& whereabouts, Deadline deadline,
                       Recognition& out) noexcept {
   const std::size_t all = pool.size() + (views_ == nullptr ? 0 : views_->count());
-  const Se3 T_camera_odom = whereabouts.T_odom_camera.inverse();
+  const std::size_t first = likeliest(frame, pool, whereabouts);
   int tries = 0;
   int draws = 0;
-  for (std::size_t i = 0; i < all && tries < kTries && draws < kDraws; ++i) {
-    next_ = (next_ + 1) % all;
-    const bool stored = next_ >= pool.size();
-    const std::size_t index = stored ? next_ - pool.size() : next_;
+  for (std::size_t i = 0; i <= all && tries < kTries && draws < kDraws; ++i) {
+    if (i > 0) next_ = (next_ + 1) % all;
+    if (i == 0 ? first == kNothing : next_ == first) continue;
+    const std::size_t which = i == 0 ? first : next_;
+    const bool stored = which >= pool.size();
+    const std::size_t index = stored ? which - pool.size() : which;
     const StoredView at =
         stored ? views_->at(index)
                : StoredView{pool.place(index).T_odom_camera, pool.place(index).segment};
-    const bool same = at.segment == whereabouts.segment;
-    if (same ? !whereabouts.this_segment : !whereabouts.other_segments) continue;
-    const Matrix6d covariance =
-        same ? whereabouts.covariance : Matrix6d{whereabouts.covariance + whereabouts.gap};
-    if (!within_reach(T_camera_odom * at.T_odom_view, covariance)) continue;
+    if (!may_be(whereabouts, at)) continue;
     if (tries + draws > 0 && deadline.expired()) return false;
     Reference reference{&drawn_view_, at.T_odom_view.inverse()};
     if (stored) {
@@ -86,7 +112,8 @@ bool Relocaliser::run(const PatchView& frame, const KeyframePool& pool, PatchAli
     if (frame.share_on(*reference.view, Se3{}) < kScreen) continue;
     ++tries;
     if (!recognise(frame, reference, aligner, no_photo, deadline, out.alignment)) continue;
-    if (!within_gate(T_camera_odom * out.alignment.T_odom_camera, covariance)) continue;
+    const Se3 off = whereabouts.T_odom_camera.inverse() * out.alignment.T_odom_camera;
+    if (!within_gate(off, covariance_of(whereabouts, at.segment))) continue;
     out.segment = at.segment;
     out.stored = stored;
     return true;

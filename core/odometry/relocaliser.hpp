@@ -46,12 +46,17 @@ class Relocaliser {
   /// Stored views from now on; must outlive this.
   void look_through(ViewSource& views) noexcept { views_ = &views; }
 
-  /// Goes on where the last call ended.
+  /// First the keyframe that shows most of the frame as it is; then goes on where the last call
+  /// ended.
   [[nodiscard]] bool run(const PatchView& frame, const KeyframePool& pool, PatchAligner& aligner,
                          PhotoTerm& no_photo, const Whereabouts& whereabouts, Deadline deadline,
                          Recognition& out) noexcept;
 
  private:
+  static constexpr std::size_t kNothing = static_cast<std::size_t>(-1);
+
+  [[nodiscard]] std::size_t likeliest(const PatchView& frame, const KeyframePool& pool,
+                                      const Whereabouts& whereabouts) const noexcept;
   [[nodiscard]] bool recognise(const PatchView& frame, const Reference& reference,
                                PatchAligner& aligner, PhotoTerm& no_photo, Deadline deadline,
                                Alignment& out) const noexcept;

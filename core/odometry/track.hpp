@@ -48,7 +48,8 @@ struct Track {
   double overlap = 0.0;       ///< share of the frame's patch pixels that found their keyframe patch
   /// What the covariance was multiplied by because keyframes disagree (eq. 15).
   double disagreement = 1.0;
-  bool gray = false;  ///< intensities took part
+  bool gray = false;   ///< intensities took part
+  bool leapt = false;  ///< the stamp is so far ahead that anything may have happened
   std::uint32_t iterations = 0;
   Stop stop = Stop::kConverged;
   bool keyframe_due = false;  ///< this frame should become a keyframe

@@ -5,16 +5,18 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <span>
+
+#include "core/odometry/free_space.hpp"
 
 namespace maplet {
 
 namespace {
 
 constexpr double kLeastVariance = 1e-10;
-constexpr double kGapS = 0.25;                // after which the last velocity says little
-constexpr double kMostGapS = 30.0;            // a stamp that jumps farther tells no more
-constexpr int kBackwardToFollow = 3;          // frames in a row: the source's time begins anew
-constexpr double kHintGate[] = {32.0, 24.0};  // chi-square of 6 and 3 degrees of freedom, 5e-5
+constexpr double kGapS = 0.25;        // after which the last velocity says little
+constexpr double kMostGapS = 30.0;    // a stamp that jumps farther tells no more
+constexpr int kBackwardToFollow = 3;  // frames in a row: the source's time begins anew
 constexpr double kBetterOverlap = 1.1;
 constexpr double kStillOverlap = 0.97;
 // Standard deviations of a start from which intensities may lead.
@@ -45,12 +47,14 @@ double largest_sigma(const Eigen::Matrix3d& covariance) noexcept {
   return std::min(std::sqrt(covariance.diagonal().maxCoeff()), 0.1);
 }
 
-}  // namespace
+// Without the frame before.
+std::span<const Reference> keyframes_of(const KeyframePool::References& references) noexcept {
+  std::size_t count = 0;
+  while (count < references.size() && !references[count].previous) ++count;
+  return {references.data(), count};
+}
 
-struct Tracker::Guess {
-  bool any = false;
-  Se3 T_odom_camera;
-};
+}  // namespace
 
 Tracker::Tracker(const OdometryConfig& config, Arena& arena)
     : config_{config},
@@ -67,7 +71,9 @@ Track Tracker::run(const DepthFrame& frame, const PatchSet& patches, Deadline de
   Track track;
   track.stamp = frame.stamp;
   ++counters_.frames;
+  const std::uint64_t leaps = counters_.leaps;
   predict(frame.stamp);
+  track.leapt = counters_.leaps > leaps;
   now_ = 1 - now_;
   views_[now_].assign(patches, config_);
   photo_.assign(frame);
@@ -91,13 +97,23 @@ Track Tracker::run(const DepthFrame& frame, const PatchSet& patches, Deadline de
   Matrix6d covariance = filter_.covariance();
   covariance.diagonal().array() += kLeastVariance;
   prior.information = covariance.inverse();
-  Alignment alignment = align(references(), prior, guess, deadline);
+  const KeyframePool::References seen = references();
+  Alignment alignment = align(seen, prior, guess, deadline);
   const Loss loss = trouble(alignment, frame.stamp);
   if (loss == Loss::kNone) {
     if (lost_) ++counters_.recovered;
-    if (!gap_covariance_.isZero()) (void)relocalise(alignment, deadline);
+    if (lost_) {
+      // Where it went on may look alike: keyframes that fit better have the word.
+      const double fits = alignment.free_axes.empty() ? kBetterOverlap * alignment.overlap : 0.0;
+      (void)relocalise(alignment, fits, deadline);
+    } else if (!gap_covariance_.isZero()) {
+      (void)relocalise(alignment, 0.0, deadline);
+    } else {
+      return_to_older(seen, alignment, deadline);
+    }
     accept(frame, alignment, track);
-  } else if (lost_ && relocalise(alignment, deadline)) {
+    mark_what_moves(views_[now_], keyframes_of(seen), alignment.T_odom_camera);
+  } else if (lost_ && relocalise(alignment, 0.0, deadline)) {
     ++counters_.recovered;
     accept(frame, alignment, track);
   } else if (lost_ && ++usable_while_lost_ >= config_.lost_frames) {
@@ -118,40 +134,19 @@ void Tracker::predict(Stamp stamp) noexcept {
   }
   backward_ = 0;
   last_stamp_ = stamp;
+  if (dt_s > kMostGapS && !pool_.empty()) {
+    // Where the camera is may only be recognised, as after a loss.
+    ++counters_.leaps;
+    lost_ = true;
+    lost_in_a_row_ = std::max(lost_in_a_row_, config_.lost_frames);
+  }
   filter_.predict(std::min(dt_s, kMostGapS), lost_ || dt_s > kGapS);
+  if (counters_.frames <= 1 || dt_s > kGapS) return;
+  jitter_.add(dt_s);
+  filter_.blur(jitter_.sigma_s());
 }
 
-// What others measured joins the prediction where the two agree; what contradicts it is kept as
-// another place to begin.
-void Tracker::take_hints(const MotionHint& hint, Guess& guess) noexcept {
-  for (const auto kind : {HintFollower::kPose, HintFollower::kTurn}) {
-    HintedMotion motion;
-    if (!hints_.believed(kind) || !hints_.motion(kind, hint, motion)) continue;
-    Se3 hinted = T_odom_last_ * motion.T_last_now;
-    if (kind == HintFollower::kTurn) hinted.t = filter_.pose().t;
-    if (filter_.distance(hinted, motion.information).chi2 < kHintGate[kind]) {
-      filter_.fuse(hinted, motion.information);
-      ++counters_.hints_used;
-    } else if (!guess.any) {
-      guess = {true, hinted};
-    }
-  }
-}
-
-// A hint is right when the motion that was seen is within its own and the filter's uncertainty.
-void Tracker::judge_hints(const MotionHint& hint, const Alignment& alignment) noexcept {
-  for (const auto kind : {HintFollower::kPose, HintFollower::kTurn}) {
-    HintedMotion motion;
-    if (!hints_.motion(kind, hint, motion)) continue;
-    Vector6d off = ((T_odom_last_ * motion.T_last_now).inverse() * alignment.T_odom_camera).log();
-    for (const Vector6d& axis : alignment.free_axes) off -= axis * axis.dot(off);
-    const bool agreed = off.dot(motion.information * off) < kHintGate[kind];
-    if (!agreed) ++counters_.hints_refused;
-    hints_.judge(kind, agreed);
-  }
-}
-
-KeyframePool::References Tracker::references() const noexcept {
+KeyframePool::References Tracker::references() noexcept {
   auto out = pool_.references(view(), filter_.pose());
   if (has_previous_ && !lost_ && out.size() < PatchAligner::kMaxReferences) {
     out.push_back({&views_[1 - now_], T_odom_last_.inverse(), true});
@@ -207,9 +202,8 @@ Alignment Tracker::refine(const KeyframePool::References& references, const Alig
   prior.information *= 0.1;
   const Alignment refined =
       try_from(references, prior, {patches.T_odom_camera, 0.0, 0.0}, photo, deadline);
-  const bool better = photo_.used() && usable(refined, config_) && !contradicts(refined) &&
+  const bool better = refined.gray && usable(refined, config_) && !contradicts(refined) &&
                       refined.overlap > kStillOverlap * patches.overlap;
-  if (!better) (void)photo_.none();
   return better ? refined : patches;
 }
 
@@ -237,7 +231,7 @@ void Tracker::accept(const DepthFrame& frame, const Alignment& alignment, Track&
   track.overlap = alignment.overlap;
   track.iterations = alignment.iterations;
   track.stop = alignment.stop;
-  track.gray = photo_.used();
+  track.gray = alignment.gray;
   if (track.gray) ++counters_.with_gray;
   track.keyframe_due = keyframe_due(track, alignment);
   if (lost_in_a_row_ >= config_.lost_frames) {
@@ -245,6 +239,12 @@ void Tracker::accept(const DepthFrame& frame, const Alignment& alignment, Track&
     track.keyframe_due = true;
   }
   lost_in_a_row_ = 0;
+  if (!strayed_.isZero()) {
+    track.covariance += strayed_;
+    strayed_.setZero();
+    ++blind_spells_;
+    track.keyframe_due = true;
+  }
   if (!recognised_) return;
   // No keyframe may see this: it becomes one. After a jump it hangs on the one before by the gap.
   recognised_ = false;
@@ -282,8 +282,8 @@ const Keyframe& Tracker::make_keyframe(const DepthFrame& frame, const PatchSet& 
   keyframe.patches = patches;
   first_after_keyframe_ = true;
   filter_.anchor();
-  photo_.make_keyframe(frame, patches);
-  return pool_.commit();
+  photo_.make_keyframe(frame, patches, view());
+  return pool_.commit(view());
 }
 
 }  // namespace maplet

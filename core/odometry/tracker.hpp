@@ -17,6 +17,7 @@
 #include "core/odometry/photo_tracker.hpp"
 #include "core/odometry/relocaliser.hpp"
 #include "core/odometry/running_ratio.hpp"
+#include "core/odometry/stamp_jitter.hpp"
 #include "core/odometry/track.hpp"
 
 namespace maplet {
@@ -27,6 +28,8 @@ struct TrackerCounters {
   std::uint64_t lost = 0;                  ///< frames without a pose
   std::uint64_t recovered = 0;             ///< the view was found again in a keyframe
   std::uint64_t segments = 0;              ///< gaps that were bridged by the motion prior alone
+  std::uint64_t leaps = 0;                 ///< stamps so far ahead that anything may have happened
+  std::uint64_t returned = 0;              ///< an older keyframe showed that the track had strayed
   std::uint64_t tied = 0;                  ///< segments that were recognised in an earlier one
   std::uint64_t in_stored_views = 0;       ///< recognitions in no keyframe, but in a stored view
   std::uint64_t retried = 0;               ///< frames whose first start failed
@@ -69,13 +72,16 @@ class Tracker {
   static constexpr double kSearchSlackM = 0.1;  // how far off another start may be
   static constexpr double kSearchSlackRad = 0.1;
 
-  struct Guess;  // where else the camera may be, from a hint that contradicts the prediction
+  struct Guess {  ///< where else the camera may be, from a hint that contradicts the prediction
+    bool any = false;
+    Se3 T_odom_camera;
+  };
 
   [[nodiscard]] const PatchView& view() const noexcept { return views_[now_]; }
   void predict(Stamp stamp) noexcept;
   void take_hints(const MotionHint& hint, Guess& guess) noexcept;
   void judge_hints(const MotionHint& hint, const Alignment& alignment) noexcept;
-  [[nodiscard]] KeyframePool::References references() const noexcept;
+  [[nodiscard]] KeyframePool::References references() noexcept;
   [[nodiscard]] Alignment align(const KeyframePool::References& references, const PosePrior& prior,
                                 const Guess& guess, Deadline deadline) noexcept;
   [[nodiscard]] Alignment try_from(const KeyframePool::References& references,
@@ -87,7 +93,10 @@ class Tracker {
   [[nodiscard]] PhotoTerm& gray() noexcept;
   [[nodiscard]] Alignment search(const KeyframePool::References& references, const PosePrior& prior,
                                  Deadline deadline) noexcept;
-  [[nodiscard]] bool relocalise(Alignment& out, Deadline deadline) noexcept;
+  [[nodiscard]] bool relocalise(Alignment& out, double better_than, Deadline deadline) noexcept;
+  void return_to_older(const KeyframePool::References& references, Alignment& out,
+                       Deadline deadline) noexcept;
+  void jump_to(const Se3& T_odom_camera) noexcept;
   [[nodiscard]] Loss blindness(const PatchSet& patches) const noexcept;
   [[nodiscard]] Loss trouble(const Alignment& alignment, Stamp stamp) const noexcept;
   [[nodiscard]] bool moves_like_a_camera(const Alignment& alignment, Stamp stamp) const noexcept;
@@ -113,6 +122,7 @@ class Tracker {
   Stamp last_stamp_{};
   Stamp tracked_stamp_{};  ///< of the last tracked frame
   int backward_ = 0;       ///< frames in a row whose stamp did not go forward
+  StampJitter jitter_;
   bool lost_ = false;
   int usable_while_lost_ = 0;
   int lost_in_a_row_ = 0;
@@ -121,8 +131,10 @@ class Tracker {
   std::uint32_t next_segment_ = 1;
   /// Of the gaps between this segment and the one before; none in the first segment.
   Matrix6d gap_covariance_ = Matrix6d::Zero();
-  bool recognised_ = false;  ///< this frame, where there may be no keyframe
-  bool crossed_ = false;     ///< this frame, in another segment
+  int frames_to_return_ = 0;             ///< until an older keyframe is tried alone again
+  Matrix6d strayed_ = Matrix6d::Zero();  ///< this frame's correction, as a covariance
+  bool recognised_ = false;              ///< this frame, where there may be no keyframe
+  bool crossed_ = false;                 ///< this frame, in another segment
   std::uint32_t next_id_ = 0;
   bool first_after_keyframe_ = true;
   double first_log_information_ = 0.0;  ///< log determinant at the keyframe's first match

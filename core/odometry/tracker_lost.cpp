@@ -10,6 +10,11 @@ namespace {
 
 constexpr double kFoundOverlap = 0.4;  // a view is recognised, not just tracked on
 constexpr double kSearchRad = 0.12;
+constexpr double kEstranged = 0.5;    // agreement with an older keyframe, below it is asked alone
+constexpr double kStillAgrees = 0.9;  // of what the newest one has
+constexpr double kReturnM = 0.1;      // how far a track may have strayed
+constexpr double kReturnRad = 0.05;   // the same
+constexpr int kFramesBetweenReturns = 5;
 constexpr double kFrameS = 1.0 / 30.0;  // no two frames are nearer, whatever their stamps say
 constexpr double kAnyStepM = 0.05;      // on top of what the fastest camera makes
 constexpr double kAnyStepRad = 0.15;    // the same
@@ -63,21 +68,50 @@ Alignment Tracker::search(const KeyframePool::References& references, const Pose
 
 // A lost view is looked for in its own segment, and any view of a segment that hangs on a gap in
 // the earlier ones: where it is found there, the camera jumps.
-bool Tracker::relocalise(Alignment& out, Deadline deadline) noexcept {
+// @param better_than  overlap that what is found must have
+bool Tracker::relocalise(Alignment& out, double better_than, Deadline deadline) noexcept {
   const Whereabouts at{filter_.pose(), filter_.covariance(),      segment_,
                        lost_,          !gap_covariance_.isZero(), gap_covariance_};
   Recognition found;
   if (!relocaliser_.run(view(), pool_, aligner_, photo_.none(), at, deadline, found)) return false;
+  if (found.alignment.overlap <= better_than) return false;
   out = found.alignment;
   recognised_ = found.stored || found.segment != segment_;
   if (found.stored) ++counters_.in_stored_views;
   if (found.segment == segment_) return true;
   ++counters_.tied;
-  T_odom_last_ = out.T_odom_camera * filter_.pose().inverse() * T_odom_last_;
-  filter_.jump(out.T_odom_camera);
+  jump_to(out.T_odom_camera);
   segment_ = found.segment;
   crossed_ = true;
   return true;
+}
+
+// The camera did not move there: what was believed of its place was wrong.
+void Tracker::jump_to(const Se3& T_odom_camera) noexcept {
+  T_odom_last_ = T_odom_camera * filter_.pose().inverse() * T_odom_last_;
+  filter_.jump(T_odom_camera);
+}
+
+// An older keyframe whose view the frame should share, but does not from where it is believed to
+// be, is tried alone from a little farther. Where it fits as well as the newest one, the track has
+// strayed since - behind something that moved - and goes on from there: the older one drifted less.
+void Tracker::return_to_older(const KeyframePool::References& references, Alignment& out,
+                              Deadline deadline) noexcept {
+  if (--frames_to_return_ > 0 || out.older_agreement >= kEstranged) return;
+  frames_to_return_ = kFramesBetweenReturns;
+  const PosePrior loose{out.T_odom_camera, Matrix6d::Identity()};
+  const Alignment older =
+      aligner_.run(view(), {&references[1], 1}, loose, {out.T_odom_camera, kReturnM, kReturnRad},
+                   photo_.none(), deadline);
+  if (!usable(older, config_) || older.overlap <= kFoundOverlap || !older.free_axes.empty() ||
+      older.agreement < kStillAgrees * out.agreement) {
+    return;
+  }
+  ++counters_.returned;
+  const Vector6d off = (out.T_odom_camera.inverse() * older.T_odom_camera).log();
+  strayed_ = off * off.transpose();
+  jump_to(older.T_odom_camera);
+  out = older;
 }
 
 void Tracker::lose(Loss why, Track& track) noexcept {

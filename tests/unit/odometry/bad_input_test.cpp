@@ -2,6 +2,8 @@
 // What a camera may do to a tracker: stamps, covers, bursts.
 #include <gtest/gtest.h>
 
+#include <random>
+
 #include "tests/support/track_session.hpp"
 
 namespace maplet {
@@ -66,6 +68,43 @@ TEST(BadInput, KeyframeRateGapsAreBridged) {
     expect_near_truth(session.step(scene, wandering(0.198 * i)), 0.198 * i, 0.02);
   }
   EXPECT_EQ(session.tracker->counters().lost, 0u);
+}
+
+TEST(BadInput, StampsThatJitterByHalfAFrame) {
+  const PatchScene scene = test::room();
+  TrackSession session;
+  std::mt19937 rng{5};
+  std::uniform_int_distribution<int> jitter_ms{-16, 16};
+  for (int i = 0; i < 150; ++i) {
+    session.stamp_offset = std::chrono::milliseconds{jitter_ms(rng)};
+    expect_near_truth(session.step(scene, wandering(0.033 * i)), 0.033 * i, 0.015);
+  }
+  EXPECT_EQ(session.tracker->counters().lost, 0u);
+}
+
+// A rounded body, nearer than all else, over a third of the image: it alone looks like a room that
+// moves.
+void add_body(PatchScene& scene, const Se3& T_world_body) {
+  constexpr int kFacets = 6;
+  for (int k = 0; k < kFacets; ++k) {
+    const double a = M_PI * (k + 0.5) / kFacets;
+    const Eigen::Vector3d outwards{-std::cos(a), 0.0, -std::sin(a)};
+    const Eigen::Vector3d along{std::sin(a), 0.0, -std::cos(a)};
+    scene.rectangles.push_back({T_world_body * (0.25 * outwards), T_world_body.q * along,
+                                T_world_body.q * Eigen::Vector3d::UnitY(), 0.07, 0.6});
+  }
+}
+
+TEST(BadInput, ABodyThatWalksThroughDoesNotTakeTheTrackAlong) {
+  PatchScene scene = test::room();
+  const std::size_t walls = scene.rectangles.size();
+  TrackSession session;
+  for (int i = 0; i < 120; ++i) {
+    scene.rectangles.resize(walls);
+    add_body(scene, wandering(0.0) * Se3::exp((-1.0 + 0.02 * i) * Vector6d::Unit(0)) *
+                        Se3::exp(1.1 * Vector6d::Unit(2)));
+    expect_near_truth(session.step(scene, wandering(0.01 * i)), 0.01 * i, 0.03);
+  }
 }
 
 TEST(BadInput, AnEmptyFrameAmongGoodOnesIsLostAlone) {

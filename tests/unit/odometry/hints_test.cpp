@@ -76,6 +76,26 @@ TEST(Hints, StaleOnesAreDoubtedAfterAWhile) {
   EXPECT_GT(session.tracker->counters().hints_refused, 0u);
 }
 
+TEST(Hints, TwiceAsLongAsTheWayTheyAreDoubted) {
+  const PatchScene scene = test::room();
+  TrackSession session;
+  Se3 external;
+  Se3 last = wandering(0.0);
+  for (int i = 0; i < 150; ++i) {
+    const Se3 truth = wandering(0.02 * i);
+    Se3 step = last.inverse() * truth;
+    step.t *= 2.0;  // up to a centimetre too much a frame
+    external = external * step;
+    last = truth;
+    session.frame.motion = pose_hint(external);
+    const Track track = session.step(scene, truth);
+    ASSERT_EQ(track.state, Track::State::kTracking) << i;
+    const Se3 error = (wandering(0.0).inverse() * truth).inverse() * track.T_odom_camera.se3;
+    ASSERT_LT(error.t.norm(), 0.012) << i;
+  }
+  EXPECT_GT(session.tracker->counters().hints_refused, 50u);
+}
+
 TEST(Hints, AGyroCarriesOverATurnThatNobodyExpected) {
   const PatchScene scene = test::room();
   TrackSession session;

@@ -188,6 +188,65 @@ TEST(Lost, WhatNoCameraCanDoIsALossUntilTimeMakesItPossible) {
   EXPECT_EQ(session.tracker->counters().segments, 0u);
 }
 
+TEST(Lost, ACutIsNotTakenForStandingStill) {
+  const PatchScene scene = test::room();
+  for (int k = 1; k < 8; ++k) {
+    TrackSession session;
+    for (int i = 0; i < 20; ++i) session.step(scene, wandering(0.033 * i));
+    // 0.6 m and more than 36 deg aside, from one frame to the next.
+    Vector6d xi;
+    xi << 0.6 * std::cos(k), 0.0, 0.6 * std::sin(k), 0.0, k % 2 == 0 ? 0.64 : -0.75, 0.0;
+    const Se3 there = wandering(0.66) * Se3::exp(xi);
+    const Se3 truth = wandering(0.0).inverse() * there;
+    for (int i = 0; i < 3; ++i) {
+      const Track track = session.step(scene, there);
+      if (track.state == Track::State::kLost) continue;
+      EXPECT_LT((truth.inverse() * track.T_odom_camera.se3).t.norm(), 0.03) << k << ' ' << i;
+    }
+  }
+}
+
+TEST(Lost, AnotherRoomAtOnceIsNotTakenForThisOne) {
+  PatchScene other;
+  other.add_box({-2.4, -1.4, -2.0}, {2.2, 1.2, 4.4});
+  other.add_box({-0.6, 0.3, 1.6}, {0.5, 1.2, 2.3});
+  TrackSession session;
+  for (int i = 0; i < 20; ++i) session.step(test::room(), wandering(0.033 * i));
+  EXPECT_EQ(session.step(other, wandering(0.0)).loss, Loss::kFewInliers);
+  for (int i = 0; i < 10; ++i) session.step(other, wandering(0.0));
+  EXPECT_EQ(session.tracker->counters().segments, 1u);
+}
+
+// A corridor with a door frame: what shows where along it one stands is a small part of the view.
+TEST(Lost, AfterTheDarkTheKeyframeThatFitsHasTheWord) {
+  PatchScene scene = test::corridor();
+  scene.add_box({-1.0, -1.3, 2.6}, {-0.7, 1.2, 2.9});
+  scene.add_box({0.6, -0.2, 3.3}, {1.0, 1.2, 3.7});
+  TrackSession session;
+  for (int i = 0; i < 40; ++i) session.step(scene, Se3::exp(0.015 * i * Vector6d::Unit(2)));
+  darken(session, 60);
+  Track track;
+  for (int i = 0; i < 5; ++i) track = session.step(scene, Se3{});
+  ASSERT_EQ(track.state, Track::State::kTracking);
+  EXPECT_LT(track.T_odom_camera.se3.t.norm(), 0.02);
+}
+
+TEST(Lost, AStampADayAheadIsAGap) {
+  const PatchScene scene = test::room();
+  TrackSession session;
+  for (int i = 0; i < 20; ++i) session.step(scene, wandering(0.033 * i));
+  const auto before = session.last_keyframe->blind_spells;
+  session.stamp_offset = std::chrono::hours{27};
+  const Track track = session.step(scene, wandering(0.66));
+  EXPECT_TRUE(track.leapt);
+  ASSERT_EQ(track.state, Track::State::kTracking) << "the view is recognised";
+  EXPECT_TRUE(track.keyframe_due);
+  EXPECT_GT(session.last_keyframe->blind_spells, before) << "no maplet reaches over it";
+  EXPECT_EQ(session.tracker->counters().leaps, 1u);
+  EXPECT_EQ(session.tracker->counters().recovered, 1u);
+  EXPECT_FALSE(session.step(scene, wandering(0.693)).leapt);
+}
+
 TEST(Lost, SaysWhy) {
   const PatchScene scene = test::room();
   TrackSession session;

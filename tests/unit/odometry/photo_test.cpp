@@ -105,6 +105,27 @@ TEST(Photo, TakesAGrayCameraOfItsOwn) {
   follow(Se3::exp(xi), CameraModel{400, 300, 330.0, 332.0, 201.0, 148.0}, false);
 }
 
+// A second start is tried by patches alone; where it is refused, the first one's gray still counts.
+TEST(Photo, CountsInAFrameWhoseSecondStartWasRefused) {
+  PaintedWall wall;
+  TrackSession session;
+  Track track;
+  for (int i = 0; i < 12; ++i) {
+    wall.measure(sliding(i));
+    wall.paint_gray(sliding(i), kDepthCamera, 1.0, 0.0);
+    wall.dress(session.frame);
+    session.frame.gray = {wall.gray.data(), kDepthCamera.width_px, kDepthCamera.height_px,
+                          kDepthCamera.width_px};
+    session.frame.motion.has_pose = true;
+    session.frame.motion.T_external_camera =
+        sliding(i) * Se3::exp((i == 11 ? 0.8 : 0.0) * Vector6d::Unit(3));
+    track = session.step(wall.scene, sliding(i));
+  }
+  EXPECT_GE(session.tracker->counters().hints_refused, 1u);
+  EXPECT_TRUE(track.gray);
+  EXPECT_EQ(session.tracker->counters().with_gray, 11u);
+}
+
 TEST(Photo, IsOffWhereTheConfigurationSaysSo) {
   OdometryConfig config;
   config.gray = false;

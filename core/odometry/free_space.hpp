@@ -1,0 +1,21 @@
+// Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <span>
+
+#include "core/odometry/patch_aligner.hpp"
+
+namespace maplet {
+
+/// Marks what does not stand still: where one view sees through the place of another's surface,
+/// that surface came or went. What lies on a marked surface of a keyframe, and on no other one, is
+/// marked, too, and so is what hangs together with it and no keyframe knows. Nothing is marked
+/// where half of the image would be: then the pose is doubtful.
+///
+/// @param keyframes  without the frame before; their facets are marked, too
+/// Time   O(keyframes * patches)
+/// Math   docs/math/odometry.md, section "What moves"
+void mark_what_moves(PatchView& frame, std::span<const Reference> keyframes,
+                     const Se3& T_odom_camera) noexcept;
+
+}  // namespace maplet
