@@ -126,7 +126,8 @@ void PhotoTerm::accumulate(const Se3& T_odom_camera, int level, Matrix6d& inform
           const float residual = intensity - gain_ * point.intensity - offset_;
           const float w = t_weight(residual, sigma_);
           Eigen::Matrix<float, 6, 1> J;  // of minus the residual
-          J << slope, p.cross(slope);
+          J.head<3>() = slope;
+          J.tail<3>() = p.cross(slope);
           const Eigen::Matrix<float, 6, 1> wJ = w * J;
           H.triangularView<Eigen::Lower>() += wJ * J.transpose();
           b += wJ * residual;
