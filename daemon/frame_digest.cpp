@@ -1,7 +1,11 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #include "daemon/frame_digest.hpp"
 
+#include <array>
+#include <span>
+
 #include "core/base/crc.hpp"
+#include "transport/exchange/record_codec.hpp"
 
 namespace maplet::daemon {
 
@@ -37,10 +41,13 @@ FrameDigest digest_of(const Step& step, std::span<const DeltaPoseRecord> records
   add(d.maplet, step.keyframe != nullptr);
   if (step.closed != nullptr) d.maplet = crc32c(step.closed->bytes, d.maplet);
   for (const DeltaPoseRecord& record : records) {
-    add(d.registration, record.key.seq);
-    for (const float v : record.translation_m) add(d.registration, v);
-    for (const float v : record.rotation_rad) add(d.registration, v);
-    for (const float v : record.covariance.sigma) add(d.registration, v);
+    std::array<std::byte, kMaxRecordBytes> wire;
+    ByteWriter out{wire};
+    RecordContext context{0, 0};
+    write_record(out, context, record);
+    d.registration = crc32c(std::span{wire}.first(out.size()), d.registration);
+    add(d.registration, record.overlap);
+    add(d.registration, record.matches);
   }
   add(d.skeleton, skeleton.node_count());
   add(d.skeleton, skeleton.records_digest());
