@@ -10,6 +10,7 @@
 #include "core/agent/agent.hpp"
 #include "core/ports/depth_source.hpp"
 #include "daemon/flight_writer.hpp"
+#include "drivers/flight/event_reader.hpp"
 #include "drivers/flight/events.hpp"
 #include "drivers/flight/flight_file.hpp"
 #include "transport/exchange/range_report.hpp"
@@ -34,13 +35,12 @@ class FlightLog final : public Clock {
   void record(std::unique_ptr<FlightWriter> writer, bool patient, std::size_t pixels);
   /// @param most  the largest image that there is room for
   void replay(std::unique_ptr<flight::RingReader> reader, ImageSize most) {
-    reader_ = std::move(reader);
-    most_ = most;
+    events_ = std::make_unique<flight::EventReader>(std::move(reader), most);
   }
   [[nodiscard]] bool recording() const noexcept { return writer_ != nullptr; }
-  [[nodiscard]] bool replaying() const noexcept { return reader_ != nullptr; }
+  [[nodiscard]] bool replaying() const noexcept { return events_ != nullptr; }
   /// Replaying: it ended where something cannot be read.
-  [[nodiscard]] bool damaged() const noexcept { return damaged_; }
+  [[nodiscard]] bool damaged() const noexcept { return events_ && events_->damaged(); }
   [[nodiscard]] FlightWriter* writer() noexcept { return writer_.get(); }
 
   [[nodiscard]] Instant now() const noexcept override;
@@ -48,7 +48,7 @@ class FlightLog final : public Clock {
   /// @param next  how the source is asked
   template <class Next>
   [[nodiscard]] Expected<DepthFrame> frame(Next&& next) noexcept {
-    if (reader_) return replayed_frame();
+    if (events_) return events_->frame();
     auto came = next();
     if (writer_) note(came);
     return came;
@@ -56,7 +56,7 @@ class FlightLog final : public Clock {
   /// @param hear  fills the record. @return whether one came
   template <class Record, class Hear>
   [[nodiscard]] bool heard(Record& record, Hear&& hear) noexcept {
-    if (reader_) return replayed(record);
+    if (events_) return replayed(record);
     const bool came = hear();
     if (came && writer_) note(record);
     return came;
@@ -65,7 +65,7 @@ class FlightLog final : public Clock {
   template <class Hear>
   [[nodiscard]] std::size_t heard_maplet(MapletKey& key, std::span<std::byte> bytes,
                                          Hear&& hear) noexcept {
-    if (reader_) return replayed_maplet(key, bytes);
+    if (events_) return replayed_maplet(key, bytes);
     const std::size_t size = hear();
     if (size > 0 && writer_) note(key, bytes.first(size));
     return size;
@@ -94,11 +94,15 @@ class FlightLog final : public Clock {
   void note(const MapletKey& key, std::span<const std::byte> bytes) noexcept;
   /// Replaying: what comes next is that; it is taken.
   [[nodiscard]] bool take(flight::Event event) noexcept;
-  [[nodiscard]] flight::Event peek() const noexcept;
+  [[nodiscard]] flight::Event peek() const noexcept {
+    return events_ ? events_->peek() : flight::Event{};
+  }
   /// Replaying: the loop was over here, or nothing more is recorded.
-  [[nodiscard]] bool over() const noexcept;
+  [[nodiscard]] bool over() const noexcept { return events_ && events_->over(); }
   /// Replaying: once a round of a loop that may wait for something.
-  void keep_going() noexcept;
+  void keep_going() noexcept {
+    if (events_) events_->keep_going();
+  }
   [[nodiscard]] bool replayed(DeltaPoseRecord& record) noexcept;
   [[nodiscard]] bool replayed(RangeRecord& record) noexcept;
   [[nodiscard]] bool replayed(RangeReport& report) noexcept;
@@ -111,11 +115,6 @@ class FlightLog final : public Clock {
   void note_event(flight::Event event, std::span<const std::byte> body) const noexcept;
   template <class Pixel>
   void note_pixels(flight::Block type, const ImageView<Pixel>& image) noexcept;
-  [[nodiscard]] Expected<DepthFrame> replayed_frame() noexcept;
-  [[nodiscard]] bool read_pixels(flight::FrameNumbers& numbers) noexcept;
-  [[nodiscard]] bool fill() const noexcept;
-  [[nodiscard]] std::span<const std::byte> body() const noexcept;
-  void pass() const noexcept;
 
   MonotonicClock monotonic_;
   std::unique_ptr<FlightWriter> writer_;
@@ -124,17 +123,8 @@ class FlightLog final : public Clock {
   std::vector<std::byte> pixels_;
   Duration budget_{-1};
 
-  std::unique_ptr<flight::RingReader> reader_;
-  mutable std::vector<std::byte> events_;
-  mutable std::size_t at_ = 0;
-  mutable bool damaged_ = false;
-  mutable std::uint64_t passed_ = 0;  ///< events
-  std::uint64_t passed_before_ = 0;
-  ImageSize most_;
+  std::unique_ptr<flight::EventReader> events_;  ///< replaying
   mutable Instant last_{};
-  std::vector<std::byte> block_;
-  std::vector<std::uint16_t> depth_;
-  std::vector<std::byte> gray_;
 };
 
 }  // namespace maplet::daemon

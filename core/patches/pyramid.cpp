@@ -8,14 +8,19 @@ namespace maplet {
 
 namespace {
 
-/// Most finest cells of an image, with padding.
-std::size_t cells_of(const PatchConfig& config, const ImageSize& image) noexcept {
-  const int cell_px =
-      static_cast<int>(std::bit_ceil(static_cast<unsigned>(std::max(config.cell_px, kBlockPx))));
+int finest_px(const PatchConfig& config) noexcept {
+  return static_cast<int>(std::bit_ceil(static_cast<unsigned>(std::max(config.cell_px, kBlockPx))));
+}
+
+/// Most cells of an image at one edge, its padding to whole largest nodes included.
+std::size_t padded_cells(const PatchConfig& config, const ImageSize& image, int cell_px) noexcept {
   const int margin = std::max(1, config.max_node_px / cell_px);
-  const auto cells = static_cast<std::size_t>((image.width_px / cell_px + margin + 1) *
-                                              (image.height_px / cell_px + margin + 1));
-  return std::min(cells, kMaxFrameCells);
+  return static_cast<std::size_t>(image.width_px / cell_px + margin) *
+         static_cast<std::size_t>(image.height_px / cell_px + margin);
+}
+
+std::size_t cells_of(const PatchConfig& config, const ImageSize& image) noexcept {
+  return std::min(padded_cells(config, image, finest_px(config)), kMaxFrameCells);
 }
 
 /// Cells that may be split in one frame: half of them.
@@ -84,13 +89,10 @@ bool Pyramid::try_cells(int cell_px) noexcept {
 }
 
 Pyramid::Grain Pyramid::finest(int width_px, int height_px) const noexcept {
-  Grain grain{static_cast<int>(std::bit_ceil(static_cast<unsigned>(std::max(config_.cell_px, 8)))),
-              1};
-  const auto cells = [&] {
-    const int margin = std::max(1, config_.max_node_px / grain.cell_px);  // of the padding
-    return (width_px / grain.cell_px + margin) * (height_px / grain.cell_px + margin);
-  };
-  while (cells() > static_cast<int>(kMaxFrameCells)) grain.cell_px *= 2;
+  Grain grain{finest_px(config_), 1};
+  while (padded_cells(config_, {width_px, height_px}, grain.cell_px) > kMaxFrameCells) {
+    grain.cell_px *= 2;
+  }
   return grain;
 }
 

@@ -34,6 +34,7 @@ enum class Event : std::uint8_t {
   kRestored = 16,  ///< that was all of earlier runs
 };
 
+inline constexpr std::size_t kEventHead = 3;  ///< tag and length
 inline constexpr std::size_t kMostBody = 2048;
 
 /// The numbers of a frame, without its pixels.

@@ -48,7 +48,7 @@ void draw_paths(Canvas& canvas, const Projection& project, const Plan& plan) {
   const LineWidths widths = widths_at(project.px_per_m);
   for (const AgentPlan& agent : plan.agents) {
     for (const Polyline& line : agent.odometry) {
-      canvas.stroke(project(line), {widths.thin_px, kOdometry});
+      canvas.stroke(project(line), {widths.thin_px + 0.8, kOdometry});
     }
   }
   for (std::size_t i = 0; i < plan.agents.size(); ++i) {

@@ -135,7 +135,7 @@ struct Entry {
     out.push_back(line_entry(words, {widths.path_px, agent_colour(i)}));
   }
   if (any([](const AgentPlan& a) { return !a.odometry.empty(); })) {
-    out.push_back(line_entry("odometry alone", {widths.thin_px, kOdometry}));
+    out.push_back(line_entry("odometry alone", {widths.thin_px + 0.8, kOdometry}));
   }
   if (any([](const AgentPlan& a) { return !a.origins.empty(); })) {
     out.push_back(origin_entry("maplet"));

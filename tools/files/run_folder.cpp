@@ -104,6 +104,17 @@ void read_counts(const fs::path& file, RunCounts& counts) {
   if (count && mean) counts.point_cloud_bytes = *count * *mean;
 }
 
+/// Both start at one pose, so that what lies between them later is drift. A world that came with
+/// another agent's map is not the frame that tracking started in.
+void start_together(const eval::Trajectory& trajectory, eval::Trajectory& odometry) {
+  if (trajectory.empty()) return;
+  const auto& [stamp, pose] = trajectory.front();
+  const auto same = std::ranges::find(odometry, stamp, &eval::StampedPose::stamp);
+  if (same == odometry.end()) return;
+  const Se3 T_world_odom = pose * same->pose.inverse();
+  for (eval::StampedPose& p : odometry) p.pose = T_world_odom * p.pose;
+}
+
 }  // namespace
 
 Run read_run(const fs::path& folder) {
@@ -118,6 +129,7 @@ Run read_run(const fs::path& folder) {
   run.name = fs::canonical(folder).filename().string();
   run.odometry = read_trajectory(folder / "odometry.tum");
   run.trajectory = read_trajectory(folder / "trajectory.tum");
+  start_together(run.trajectory, run.odometry);
   read_skeleton(skeleton, run);
   read_maplets(folder / "maplets", run);
   read_counts(folder / "report.json", run.counts);

@@ -37,8 +37,10 @@ struct RunCounts {
 
 /// A run as its --out folder holds it. The world is the first frame's camera.
 struct Run {
-  std::string name;                    ///< the folder's
-  eval::Trajectory odometry;           ///< T_world_camera, tracking only; empty when there is none
+  std::string name;  ///< the folder's
+  /// T_world_camera by tracking only, from the trajectory's first pose on; empty when there is
+  /// none.
+  eval::Trajectory odometry;
   eval::Trajectory trajectory;         ///< the same after the skeleton; empty when there is none
   std::map<std::uint32_t, Se3> nodes;  ///< of the skeleton: T_world_maplet
   std::vector<RunEdge> edges;

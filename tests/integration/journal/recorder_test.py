@@ -88,7 +88,7 @@ class Recorder(daemon.DaemonTest):
             subprocess.run([str(daemon.BIN / "mapletctl"), "simulate", uri, "--out", folder],
                            check=True, capture_output=True, timeout=60 * SLOW)
             faults = spoil(folder, dice)
-            budget = dice.choice([1500, 2500, 4000])
+            budget = dice.choice([1500, 2500, 4000]) * SLOW
             report = self.fly("tum:" + folder, "--pace", "recorded", "--set",
                               f"frame.budget_us={budget}")
             self.assertGreater(report["frames"]["unreadable"], 0, "no fault came through")
@@ -118,7 +118,8 @@ class Recorder(daemon.DaemonTest):
             sets = [word for key, value in small.items()
                     for word in ("--set", f"camera.{key}={value}")]
             self.start("--source", "openni2:", "--out", self.file("a"), "--set",
-                       "recorder.file=" + self.file("flight"), "--set", "frame.budget_us=2500", *sets,
+                       "recorder.file=" + self.file("flight"), "--set",
+                       f"frame.budget_us={2500 * SLOW}", *sets,
                        environment={"LD_LIBRARY_PATH": SYNTH, "MAPLET_SYNTH": script})
             self.until(lambda: os.path.exists(self.file("socket"))
                        and self.status()["frames"]["read"] > 170)

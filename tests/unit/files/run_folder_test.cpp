@@ -64,6 +64,18 @@ TEST_F(RunFolder, IsReadBack) {
   }
 }
 
+TEST_F(RunFolder, OdometryStartsWhereTheTrajectoryDoes) {
+  std::ofstream{folder_ / "trajectory.tum"}
+      << "10 4 5 6 0 0 0.7071067811865476 0.7071067811865476\n"
+         "11 4 6 6 0 0 0.7071067811865476 0.7071067811865476\n";
+  std::ofstream{folder_ / "odometry.tum"} << "9 0 0 0 0 0 0 1\n10 1 0 0 0 0 0 1\n"
+                                             "11 2.5 0 0 0 0 0 1\n";
+  const files::Run run = read_run(folder_);
+  ASSERT_EQ(run.odometry.size(), 3u);
+  EXPECT_LT((run.odometry[1].pose.t - Eigen::Vector3d{4, 5, 6}).norm(), 1e-9);
+  EXPECT_LT((run.odometry[2].pose.t - Eigen::Vector3d{4, 6.5, 6}).norm(), 1e-9);
+}
+
 TEST_F(RunFolder, DoesWithoutWhatIsOptional) {
   for (const char* name : {"odometry.tum", "trajectory.tum", "report.json", "maplets"}) {
     std::filesystem::remove_all(folder_ / name);
