@@ -87,14 +87,25 @@ class Campaign(daemon.DaemonTest):
             self.assertGreaterEqual(listed["flushed"][stream], safe.get(stream, 0))
         self.assertEqual({s: listed["missing"][s] for s in STREAMS}, {s: 0 for s in STREAMS})
 
+    def until_something_is_safe(self):
+        """@return after how many seconds, so that kills come before, at and after it"""
+        self.launch()
+        begin = time.monotonic()
+        while self.ask()["journal"]["flushed"].get("maplets", 0) == 0:
+            self.assertLess(time.monotonic() - begin, daemon.PATIENCE_S, "nothing gets safe")
+            time.sleep(0.05)
+        self.end()
+        return time.monotonic() - begin
+
     def test_kills(self):
-        safe = {}
+        longest_s = max(6.0, 2.5 * self.until_something_is_safe())
+        safe = self.listed(self.state)["flushed"]
         grown = 0
         for kill in range(KILLS):
             self.launch()
             status = self.ask()
             self.assertIsNotNone(status, f"start {kill} failed: {self.daemon.poll()}")
-            end = time.monotonic() + self.random.uniform(0.0, 6.0)  # a turn takes seconds
+            end = time.monotonic() + self.random.uniform(0.0, longest_s)
             while time.monotonic() < end:
                 status = self.ask(1.0) or status
             self.assertEqual(status["journal"]["state"], "on")
