@@ -151,9 +151,7 @@ class ExchangeNode {
   void owe(const KeyRange& range) noexcept;
   void changed(Instant now) noexcept;
 
-  // node.cpp
-  void say_news(const RecordKey& key, Instant now) noexcept;
-  void say_again(Instant now) noexcept;
+  // send.cpp
   [[nodiscard]] Waiting waiting(Instant now, bool bulk) noexcept;
   bool fill(DatagramWriter& out, RecordContext& context, Traffic traffic, Instant now) noexcept;
   template <class Record>
@@ -163,6 +161,10 @@ class ExchangeNode {
   bool write_requests(DatagramWriter& out, Instant now) noexcept;
   bool write_digest_entry(DatagramWriter& out) noexcept;
   bool write_beacon(DatagramWriter& out, bool brief, Instant now) noexcept;
+
+  // node.cpp
+  void say_news(const RecordKey& key, Instant now) noexcept;
+  void say_again(Instant now) noexcept;
   [[nodiscard]] bool requests_due(Instant now) const noexcept;
   [[nodiscard]] bool all_in_sync(Instant now) const noexcept;
   [[nodiscard]] bool recent_peer_behind(Instant now, Duration age) const noexcept;
