@@ -63,15 +63,19 @@ App::~App() = default;
 
 int App::run() {
   catch_signals(options_.out.empty());
-  if (config_.realtime.lock_memory && !memory_->locked() &&
-      !allowed("memory is not locked: grant LimitMEMLOCK (ulimit -l)")) {
-    return kExitFailure;
-  }
+  const bool swaps = config_.realtime.lock_memory && !memory_->locked();
+  const auto may_swap = [&] {
+    return !swaps || allowed("memory is not locked: grant LimitMEMLOCK (ulimit -l)");
+  };
+  // Of a finite run it is said behind what ends it at once.
+  const bool at_once = options_.out.empty() || config_.realtime.required;
+  if (at_once && !may_swap()) return kExitFailure;
   if (!open_recorder()) return kExitFailure;
   start_ = flight_.now();
   resume_mission();
   if (journal_) journal_->start(radio_.get());
   if (const int exit_code = open(); exit_code != kExitDone) return exit_code;
+  if (!at_once) (void)may_swap();
   const int priority = pace_ == Pace::kFast ? 0 : config_.realtime.estimator_priority;
   if (const auto problem = set_up_this_thread("mapletd", priority); !allowed(problem)) {
     return kExitFailure;

@@ -210,9 +210,10 @@ void App::reload() {
 
 void App::open_console() {
   if (config_.control.socket == "none" || replayed_) return;
-  console_ = std::make_unique<Console>(Console::Subjects{identity_, board_, *memory_, live_,
-                                                         radio_.get(), gpio_.get(), gray_.get(),
-                                                         journal_.get(), &state_, &flight_});
+  console_ = std::make_unique<Console>(
+      Console::Subjects{identity_, board_, *memory_, live_, radio_.get(), gpio_.get(), gray_.get(),
+                        journal_.get(), &state_, &flight_},
+      static_cast<std::size_t>(config_.agent.skeleton.max_nodes));
   if (const std::string problem = console_->open(config_.control.socket); !problem.empty()) {
     log_warning(problem);
     console_.reset();

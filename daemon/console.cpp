@@ -76,7 +76,7 @@ void Console::list_closures(const Agent& agent) noexcept {
 void Console::list_maplets(const Agent& agent) noexcept {
   const Skeleton& skeleton = agent.skeleton();
   maplet_count_ = 0;
-  for (int i = 0; i < skeleton.node_count() && maplet_count_ < kMaxMaplets; ++i) {
+  for (int i = 0; i < skeleton.node_count() && maplet_count_ < maplets_.size(); ++i) {
     const Skeleton::NodeView node = skeleton.node(i);
     const bool own =
         node.key.agent == about_us_.identity.agent && node.key.epoch == about_us_.identity.epoch;

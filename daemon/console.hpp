@@ -1,6 +1,7 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <condition_variable>
@@ -9,6 +10,7 @@
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "core/agent/agent.hpp"
 #include "daemon/control_server.hpp"
@@ -46,7 +48,15 @@ class Console {
     const StateDirectory* state = nullptr;
     FlightLog* flight = nullptr;
   };
-  explicit Console(const Subjects& subjects) noexcept : about_us_{subjects} {}
+  /// @param max_nodes  of the skeleton
+  Console(const Subjects& subjects, std::size_t max_nodes)
+      : about_us_{subjects},
+        maplets_(std::min(kMaxMaplets, max_nodes)),
+        way_maplets_(maplets_.size()) {}
+  [[nodiscard]] static std::size_t bytes(std::size_t max_nodes) {
+    return sizeof(Console) +
+           std::min(kMaxMaplets, max_nodes) * (sizeof(MapletLine) + sizeof(MapletKey));
+  }
 
   /// @return one line that says why nobody can ask, or nothing
   [[nodiscard]] std::string open(const std::string& path);
@@ -138,7 +148,7 @@ class Console {
   std::size_t closure_count_ = 0;
   std::array<ClosureLine, kMaxClosures> closures_;
   std::size_t maplet_count_ = 0;
-  std::array<MapletLine, kMaxMaplets> maplets_;
+  std::vector<MapletLine> maplets_;
   struct Why {
     std::uint32_t nodes = 0;          ///< of that agent in the skeleton
     std::uint32_t related = 0;        ///< of these in one group with ours
@@ -158,7 +168,7 @@ class Console {
   PlaceName to_;
   bool places_known_ = false;
   Skeleton::Way way_;
-  std::array<MapletKey, kMaxMaplets> way_maplets_;
+  std::vector<MapletKey> way_maplets_;
   double fidelity_ = 1.0;
   int first_node_ = 0;
   int next_node_ = -1;  ///< -1: that was all

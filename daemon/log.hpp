@@ -11,6 +11,8 @@ namespace maplet::daemon {
 
 /// One line each: what, where, what to do. To the journal when systemd started us, else to standard
 /// error as `mapletd: ...`. Allocates: not for the frame path.
+/// The journal's field MAPLETD_AGENT from now on.
+void log_as(int of_agent);
 void log_info(std::string_view line);
 void log_warning(std::string_view line);
 void log_error(std::string_view line);

@@ -14,6 +14,7 @@
 #include "daemon/app.hpp"
 #include "daemon/config_io.hpp"
 #include "daemon/configure.hpp"
+#include "daemon/log.hpp"
 #include "daemon/memory_ledger.hpp"
 #include "daemon/memory_status.hpp"
 #include "daemon/options.hpp"
@@ -35,6 +36,7 @@ int run(const Options& options, const Config& config) {
     fmt::print(stderr, "mapletd: {}\n", state.error().what);
     return state.error().usage ? kExitUsage : kExitFailure;
   }
+  log_as(options.agent);
   Options how = options;
   if (replays) how.dds = false;
   return App{how, config, std::move(*state), std::move(*flight)}.run();
@@ -66,7 +68,7 @@ int run(int argc, char** argv) {
     case Options::Action::kRun:
       if (const auto limit = cgroup_memory_limit()) {
         if (const auto why = refusal(*config, options.parts(), *limit)) {
-          fmt::print(stderr, "mapletd: {}\n", *why);
+          fmt::print(stderr, "mapletd: {}", *why);
           return kExitUsage;
         }
       }

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <memory>
 #include <numeric>
 
@@ -30,8 +31,9 @@ constexpr std::size_t kQueueBytes = 768 * kKiB;         // the publisher's
 constexpr std::size_t kStackBytes = 128 * kKiB;         // what a thread touches of its stack
 constexpr std::size_t kOwnThreads = 6;                  // the journal's beside
 constexpr std::size_t kDdsThreads = 10;
-constexpr std::size_t kRuntimeBytes = 2 * kMiB;   // allocator, log, configuration
-constexpr std::size_t kCameraFrames = 8;          // the runtime's and the driver's
+constexpr std::size_t kRuntimeBytes = 2 * kMiB;  // allocator, log, configuration
+constexpr std::size_t kCameraFrames = 8;         // the runtime's and the driver's
+constexpr std::size_t kMostArenaBytes = std::size_t{1} << 32;
 constexpr std::size_t kProgramBytes = 16 * kMiB;  // pages of the program and its libraries
 
 void add(MemoryLedger& ledger, std::string_view component, std::size_t count, std::size_t bytes) {
@@ -40,7 +42,8 @@ void add(MemoryLedger& ledger, std::string_view component, std::size_t count, st
 
 void add_beside(MemoryLedger& ledger, const Config& config, MemoryParts parts) {
   add(ledger, "stage meters", 1, sizeof(StageMeters));
-  add(ledger, "control answers", 1, sizeof(Console));
+  add(ledger, "control answers", 1,
+      Console::bytes(static_cast<std::size_t>(config.agent.skeleton.max_nodes)));
   const std::size_t more =
       (config.gpio.used() ? 1 : 0) + (config.gray.used() ? 1 : 0) + (parts.journal ? 1 : 0);
   add(ledger, "threads/ours, stacks", kOwnThreads + more, kStackBytes);
@@ -78,8 +81,10 @@ void add_beside(MemoryLedger& ledger, const Config& config, MemoryParts parts) {
 
 }  // namespace
 
-MemoryLedger memory_ledger(const Config& config, MemoryParts parts, std::size_t most_bytes) {
-  Arena arena{most_bytes};
+namespace {
+
+/// The stages in `arena`, asked; throws when it is too small.
+void add_stages(Arena& arena, const Config& config, MemoryParts parts) {
   const auto meters = std::make_unique<StageMeters>();
   OwnRecords records{{}};
   const auto agent =
@@ -91,6 +96,9 @@ MemoryLedger memory_ledger(const Config& config, MemoryParts parts, std::size_t 
                            ? std::make_unique<JournalWriter>(no_file, journal::Survey{}, Life{},
                                                              journal_config(config), arena)
                            : nullptr;
+}
+
+MemoryLedger ledger_of(const Arena& arena, const Config& config, MemoryParts parts) {
   MemoryLedger ledger;
   ledger.arena.assign(arena.ledger().begin(), arena.ledger().end());
   ledger.arena_bytes = arena.used_bytes();
@@ -99,6 +107,14 @@ MemoryLedger memory_ledger(const Config& config, MemoryParts parts, std::size_t 
       std::accumulate(ledger.beside.begin(), ledger.beside.end(), ledger.arena_bytes,
                       [](std::size_t sum, const ArenaEntry& entry) { return sum + entry.bytes; });
   return ledger;
+}
+
+}  // namespace
+
+MemoryLedger memory_ledger(const Config& config, MemoryParts parts) {
+  Arena arena{kMostArenaBytes};
+  add_stages(arena, config, parts);
+  return ledger_of(arena, config, parts);
 }
 
 std::string to_text(const MemoryLedger& ledger) {
@@ -135,19 +151,24 @@ std::string unit_limits(const MemoryLedger& ledger) {
 
 std::optional<std::string> refusal(const Config& config, MemoryParts parts,
                                    std::uint64_t cgroup_limit_bytes) {
+  // What the program itself takes is not the arena's to look around in.
+  Arena arena{std::max<std::uint64_t>(cgroup_limit_bytes, kProgramBytes + kKiB) - kProgramBytes};
   std::string need;
+  std::string_view part;
   try {
-    const std::size_t bytes = unit_memory_bytes(memory_ledger(config, parts, cgroup_limit_bytes));
-    if (bytes <= cgroup_limit_bytes) return {};
-    need = fmt::format("{} MiB", bytes / kMiB);
+    add_stages(arena, config, parts);
   } catch (const ArenaExhausted& e) {
     need = e.what();
+    part = "the stages that fit, and what is beside them:\n";
   }
+  const MemoryLedger ledger = ledger_of(arena, config, parts);
+  const std::size_t bytes = unit_memory_bytes(ledger);
+  if (need.empty() && bytes <= cgroup_limit_bytes) return {};
+  if (need.empty()) need = fmt::format("{} MiB", bytes / kMiB);
   return fmt::format(
       "the control group allows {} MiB, this configuration needs {}: lower [limits], maplet and "
-      "skeleton sizes (--print-memory shows what each takes), or raise MemoryMax "
-      "(--print-unit-limits writes it)",
-      cgroup_limit_bytes / kMiB, need);
+      "skeleton sizes, or raise MemoryMax (--print-unit-limits writes it)\n{}{}",
+      cgroup_limit_bytes / kMiB, need, part, to_text(ledger));
 }
 
 }  // namespace maplet::daemon

@@ -22,9 +22,8 @@ struct MemoryLedger {
 };
 
 /// Builds the stages once to ask them; touches no camera and no network.
-/// @param most_bytes  touches no more than that: throws ArenaExhausted instead
-[[nodiscard]] MemoryLedger memory_ledger(const Config& config, MemoryParts parts,
-                                         std::size_t most_bytes = std::size_t{1} << 32);
+/// Throws ArenaExhausted when the configuration asks for more than any machine of ours has.
+[[nodiscard]] MemoryLedger memory_ledger(const Config& config, MemoryParts parts);
 
 /// What --print-memory prints.
 [[nodiscard]] std::string to_text(const MemoryLedger& ledger);
@@ -37,7 +36,7 @@ struct MemoryLedger {
 
 /// Whether a limit of the control group leaves room for the configuration. Stays inside the limit
 /// while it looks.
-/// @return what is wrong, on one line
+/// @return what is wrong, on one line; then the ledger, or as much of it as fits
 [[nodiscard]] std::optional<std::string> refusal(const Config& config, MemoryParts parts,
                                                  std::uint64_t cgroup_limit_bytes);
 

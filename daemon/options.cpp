@@ -56,7 +56,10 @@ int parse_options(int argc, char** argv, Options& options) {
          "or recorded (wall clock, deadlines decide)")
       ->check(CLI::IsMember({"fast", "recorded"}))
       ->option_text("fast|recorded");
-  app.add_option("--agent", options.agent, "This agent's number, unique among agents (0..65535)");
+  int agent = options.agent;
+  app.add_option("--agent", agent, "This agent's number, unique among agents (0..65535)")
+      ->check(CLI::Range(0, 65535))
+      ->option_text("N");
   bool no_dds = false;
   bool check = false;
   bool print_config = false;
@@ -84,6 +87,7 @@ int parse_options(int argc, char** argv, Options& options) {
   if (given("--state") && options.state.empty()) {
     return usage_error("--state is empty: name a folder, or none");
   }
+  options.agent = static_cast<std::uint16_t>(agent);
   if (options.state == "none") options.state.clear();
   options.pace = pace == "fast" ? Options::Pace::kFast : Options::Pace::kRecorded;
   options.dds = !no_dds;

@@ -13,7 +13,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr std::size_t kRecords = 2048;
+constexpr std::size_t kRecords = 1024;  // what does not fit is asked for again
 constexpr std::size_t kMapletBytes = std::size_t{1} << 17;
 constexpr Duration kNap = 25ms;    // how long an own record may wait for the thread
 constexpr Duration kLook = 500ms;  // at the interface and for the status

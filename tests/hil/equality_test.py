@@ -110,12 +110,23 @@ class Equality(daemon.DaemonTest):
             self.assertIn(why, done.stderr)
 
     def test_live(self):
+        self.live(self.synth())
+
+    def test_folder_served_live(self):
+        # The camera shows a recording instead of the simulator's world.
+        self.run_all(daemon.BIN / "mapletctl", "simulate", simulator(FRAMES + 40), "--out",
+                     self.file("folder"))
+        camera = self.synth()
+        camera["MAPLET_SYNTH"] = f"recording={self.file('folder')} colour=0 rate_hz={RATE_HZ}"
+        self.live(camera)
+
+    def live(self, camera):
         for attempt in range(3):  # a machine under load may miss a frame
             out = f"live{attempt}"
             done = subprocess.Popen(
                 [str(daemon.BIN / "mapletd"), "--source", "openni2:", "--out", self.file(out),
                  "--set", f"control.socket={self.file('socket')}", *SAME, *LIVE],
-                env=dict(os.environ, **self.synth()), stderr=subprocess.PIPE, text=True)
+                env=dict(os.environ, **camera), stderr=subprocess.PIPE, text=True)
             self.until(lambda: os.path.exists(self.file("socket")))
             self.until(lambda: self.status()["frames"]["processed"] >= FRAMES)
             dropped = self.status()["frames"]["dropped"]

@@ -73,6 +73,26 @@ TEST(BadInput, UsageAndConfiguration) {
   EXPECT_THAT(scheme.err, HasSubstr("tum:"));
 }
 
+TEST(BadInput, WhatIsWrongWithTheCommandIsSaidPlainly) {
+  const TempDir dir;
+  const std::string garbage = (dir / "garbage").string();
+  std::ofstream{garbage} << "\x1b[31m\xff\x01\x02 \x90 1 2";
+  const std::vector<std::pair<std::vector<std::string>, std::string>> cases{
+      {{"mapletd", "--agent", "-1"}, "--agent: Value -1 not in range 0 to 65535"},
+      {{"mapletd", "--agent", "70000"}, "70000 not in range 0 to 65535"},
+      {{"mapletctl", "bogus"}, "there is no command 'bogus'"},
+      {{"mapletctl", "closure", "bogus"}, "there is no command 'bogus'"},
+      {{"mapletctl", "solve", "x.g2o", "--budget-us", "-3"}, "-3 is not a number above 0"},
+      {{"mapletctl", "eval", "--truth", garbage, "--estimate", garbage},
+       "garbage:1: '?[31m???' is no time in seconds"}};
+  for (const auto& [command, said] : cases) {
+    const Finished done = run(command);
+    EXPECT_NE(done.exit_code, 0);
+    EXPECT_THAT(done.err, HasSubstr(said));
+    EXPECT_EQ(lines(done.err), 1u) << done.err;
+  }
+}
+
 TEST(BadInput, MissingFolderIsOneLine) {
   const TempDir dir;
   const Finished missing = map_it("tum:/nonexistent/recording", dir.path() / "out");

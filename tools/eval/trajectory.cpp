@@ -31,6 +31,15 @@ constexpr double kUnitTolerance = 0.01;  // public truth files carry four decima
   return word;
 }
 
+/// For a message: a file may hold anything.
+[[nodiscard]] std::string printable(std::string_view word) {
+  constexpr std::size_t kMost = 40;
+  std::string text{word.substr(0, kMost)};
+  std::ranges::replace_if(
+      text, [](char c) { return c < ' ' || c > '~'; }, '?');
+  return word.size() > kMost ? text + "..." : text;
+}
+
 [[nodiscard]] std::optional<double> parse_number(std::string_view word) noexcept {
   if (!word.empty() && word.front() == '+') word.remove_prefix(1);
   double value = 0.0;
@@ -43,13 +52,15 @@ constexpr double kUnitTolerance = 0.01;  // public truth files carry four decima
   std::string_view rest = line;
   const std::string_view stamp_word = take_word(rest);
   const auto stamp = parse_stamp(stamp_word);
-  if (!stamp) throw std::runtime_error{fmt::format("'{}' is no time in seconds", stamp_word)};
+  if (!stamp) {
+    throw std::runtime_error{fmt::format("'{}' is no time in seconds", printable(stamp_word))};
+  }
   std::array<double, 7> numbers{};
   for (double& number : numbers) {
     const std::string_view word = take_word(rest);
     if (word.empty()) throw std::runtime_error{"expected 8 numbers: stamp x y z qx qy qz qw"};
     const auto value = parse_number(word);
-    if (!value) throw std::runtime_error{fmt::format("'{}' is no finite number", word)};
+    if (!value) throw std::runtime_error{fmt::format("'{}' is no finite number", printable(word))};
     number = *value;
   }
   if (!take_word(rest).empty()) {

@@ -8,6 +8,20 @@
 
 namespace maplet::ctl {
 
+namespace {
+
+/// A number that `holds`; CLI11's own validators name DBL_MAX as the other end.
+CLI::Validator number(bool (*holds)(double), const std::string& wanted, const std::string& name) {
+  return {[=](std::string& text) {
+            double value = 0.0;
+            if (CLI::detail::lexical_cast(text, value) && holds(value)) return std::string{};
+            return fmt::format("{} is not {}", text, wanted);
+          },
+          name};
+}
+
+}  // namespace
+
 Argument& Argument::required() {
   option_->required();
   return *this;
@@ -34,12 +48,12 @@ Argument& Argument::range(double min, double max) {
 }
 
 Argument& Argument::positive() {
-  option_->check(CLI::PositiveNumber);
+  option_->check(number([](double x) { return x > 0.0; }, "a number above 0", "POSITIVE"));
   return *this;
 }
 
 Argument& Argument::non_negative() {
-  option_->check(CLI::NonNegativeNumber);
+  option_->check(number([](double x) { return x >= 0.0; }, "0 or a number above", "NONNEGATIVE"));
   return *this;
 }
 
@@ -127,7 +141,10 @@ int run_command_line(int argc, char** argv, const std::string& about,
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
     if (e.get_exit_code() == 0) return app.exit(e);
-    fmt::print(stderr, "mapletctl: {} (mapletctl --help, mapletctl COMMAND --help)\n", e.what());
+    const std::vector<std::string> rest = app.remaining(true);
+    const bool unknown = e.get_name() == "RequiredError" && !rest.empty() && rest[0][0] != '-';
+    fmt::print(stderr, "mapletctl: {} (mapletctl --help, mapletctl COMMAND --help)\n",
+               unknown ? fmt::format("there is no command '{}'", rest[0]) : e.what());
     return 2;
   }
   return 0;

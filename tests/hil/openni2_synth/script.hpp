@@ -1,6 +1,8 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <chrono>
+#include <cstdio>
 #include <cstdlib>
 #include <map>
 #include <sstream>
@@ -28,6 +30,7 @@ struct Fault {
   Kind kind = Kind::kNone;
   int frame = 0;
   int amount = 1;
+  std::string name;
 
   static Fault parse(const std::string& text) {
     static const std::map<std::string, Kind> kinds{
@@ -39,9 +42,17 @@ struct Fault {
     const auto kind = kinds.find(text.substr(0, at));
     if (at == std::string::npos || kind == kinds.end()) return {};
     const auto colon = text.find(':', at);
-    Fault fault{kind->second, std::stoi(text.substr(at + 1)), 1};
+    Fault fault{kind->second, std::stoi(text.substr(at + 1)), 1, text.substr(0, at)};
     if (colon != std::string::npos) fault.amount = std::stoi(text.substr(colon + 1));
     return fault;
+  }
+  /// The first frame that is as ever again; 0 = not told by a frame.
+  [[nodiscard]] int returns() const {
+    if (kind == Kind::kUnplug) return 0;
+    if (kind == Kind::kStall || kind == Kind::kLate) return frame;
+    const bool counts = kind == Kind::kBlack || kind == Kind::kCorrupt || kind == Kind::kMode ||
+                        kind == Kind::kNoColour || kind == Kind::kBurst;
+    return frame + (counts ? amount : 1);
   }
   /// Whether it lasts at that frame: those that count frames.
   [[nodiscard]] bool lasts(int at) const { return at >= frame && at < frame + amount; }
@@ -60,6 +71,8 @@ struct Script {
   bool absent = false;  ///< nothing is plugged in at the start
   int absent_ms = 0;    ///< with absent: plugged in so much later; 0 = never
   std::vector<Fault> faults;
+  std::string recording;     ///< folder in TUM layout: its images instead of the simulator's
+  std::string log;           ///< file for what say() is told
   bool mirror = false;       ///< mirrors, and cannot be told not to
   bool depth = true;         ///< has a depth sensor
   bool colour = true;        ///< has a colour sensor
@@ -77,6 +90,16 @@ struct Script {
     return script;
   }
 
+  /// A line in the log: `SECONDS begins|over KIND`, by the machine's monotonic clock.
+  void say(const char* what, const Fault& fault) const {
+    if (log.empty()) return;
+    const std::chrono::duration<double> now = std::chrono::steady_clock::now().time_since_epoch();
+    std::FILE* file = std::fopen(log.c_str(), "a");
+    if (file == nullptr) return;
+    std::fprintf(file, "%.6f %s %s\n", now.count(), what, fault.name.c_str());
+    std::fclose(file);
+  }
+
  private:
   void set(const std::string& key, const std::string& value) {
     const std::map<std::string, int*> counts{{"claimed_hz", &claimed_hz},
@@ -91,6 +114,8 @@ struct Script {
                                              {"registration", &registration}};
     if (key == "fault") faults.push_back(Fault::parse(value));
     if (key == "world") world = value;
+    if (key == "recording") recording = value;
+    if (key == "log") log = value;
     if (key == "rate_hz") rate_hz = std::stod(value);
     if (key.starts_with("sim.")) parameters[key.substr(4)] = value;
     if (const auto count = counts.find(key); count != counts.end()) {

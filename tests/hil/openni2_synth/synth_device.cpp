@@ -5,24 +5,14 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <optional>
 #include <string>
 
 namespace maplet::synth {
 
 namespace {
 
-std::unique_ptr<SimSource> open_world(const Script& script, int width_px) {
-  auto parameters = script.parameters;
-  parameters["width"] = std::to_string(width_px);
-  auto world = open_sim(script.world, parameters);
-  if (world) return std::move(*world);
-  std::fprintf(stderr, "MAPLET_SYNTH: %s\n", world.error().c_str());
-  return nullptr;
-}
-
-SynthStream::Optics optics_of(const Script& script) {
-  const auto world = open_world(script, 320);
-  const CameraModel camera = world ? world->camera() : CameraModel{320, 240, 285, 285, 160, 120};
+SynthStream::Optics optics_of(const CameraModel& camera) {
   return {static_cast<float>(2.0 * std::atan(0.5 * camera.width_px / camera.fx_px)),
           static_cast<float>(2.0 * std::atan(0.5 * camera.height_px / camera.fy_px))};
 }
@@ -33,9 +23,9 @@ SynthDevice::SynthDevice(const Script& script, std::atomic<int>& frames,
                          std::function<void(int)> on_unplug)
     : script_{script}, frames_{frames}, on_unplug_{std::move(on_unplug)} {
   const int fps = script.claimed_hz >= 0 ? script.claimed_hz : static_cast<int>(script.rate_hz);
-  for (const int width : {320, 640}) {
-    depth_modes_.push_back({ONI_PIXEL_FORMAT_DEPTH_1_MM, width, width * 3 / 4, fps});
-    colour_modes_.push_back({ONI_PIXEL_FORMAT_RGB888, width, width * 3 / 4, fps});
+  for (const ImageSize size : Frames::sizes(script)) {
+    depth_modes_.push_back({ONI_PIXEL_FORMAT_DEPTH_1_MM, size.width_px, size.height_px, fps});
+    colour_modes_.push_back({ONI_PIXEL_FORMAT_RGB888, size.width_px, size.height_px, fps});
   }
   const auto count = [](const auto& modes) { return static_cast<int>(modes.size()); };
   if (script.depth) {
@@ -65,7 +55,8 @@ oni::driver::StreamBase* SynthDevice::createStream(OniSensorType type) {
   const bool depth = type == ONI_SENSOR_DEPTH;
   if (!depth && type != ONI_SENSOR_COLOR) return nullptr;
   auto* stream = new SynthStream{type, depth ? depth_modes_[0] : colour_modes_[0],
-                                 optics_of(script_), script_.mirror, [this] { start_thread(); }};
+                                 optics_of(Frames{script_, 320}.camera()), script_.mirror,
+                                 [this] { start_thread(); }};
   const std::lock_guard lock{mutex_};
   (depth ? depth_ : colour_) = stream;
   return stream;
@@ -86,29 +77,28 @@ void SynthDevice::start_thread() {
 }
 
 void SynthDevice::run() {
-  const std::chrono::duration<double> period{1.0 / script_.rate_hz};
-  std::unique_ptr<SimSource> world;
+  std::optional<Frames> frames;
   {
     const std::lock_guard lock{mutex_};
     SynthStream* any = depth_ != nullptr ? depth_ : colour_;
-    if (any != nullptr) world = open_world(script_, any->mode().resolutionX);
+    if (any != nullptr) frames.emplace(script_, any->mode().resolutionX);
   }
-  if (!world) return;
-  opened_ = std::chrono::steady_clock::now();
-  auto began = opened_;
+  if (!frames) return;
+  auto began = std::chrono::steady_clock::now();
+  std::chrono::microseconds stood{};
   for (int i = 0;; ++i) {
     if (script_.unplug > 0 && i == script_.unplug) return on_unplug_(script_.replug_ms);
     if (script_.silent > 0 && i == script_.silent) return;
     for (const Fault& fault : script_.faults) {  // time passes, and the world stands still
       if (fault.frame != frames_ + 1 || fault.kind != Fault::Kind::kStall) continue;
-      began += std::chrono::milliseconds{fault.amount};
+      script_.say("begins", fault);
+      stood += std::chrono::milliseconds{fault.amount};
     }
-    const auto due = began + std::chrono::duration_cast<std::chrono::nanoseconds>(i * period);
-    const auto since = due - began + (began - opened_);
-    if (!show(*world, i + 1, static_cast<std::uint64_t>(since / std::chrono::microseconds{1}),
-              due)) {
+    auto shown = frames->next();
+    if (!shown) return;
+    const auto since = shown->since + stood;
+    if (!show(shown->frame, i + 1, static_cast<std::uint64_t>(since.count()), began + since))
       return;
-    }
   }
 }
 
@@ -117,21 +107,20 @@ bool SynthDevice::sleep_until(std::chrono::steady_clock::time_point time) {
   return !stopped_.wait_until(lock, time, [this] { return stop_; });
 }
 
-bool SynthDevice::show(SimSource& world, int index, std::uint64_t stamp_us,
+bool SynthDevice::show(DepthFrame& frame, int index, std::uint64_t stamp_us,
                        std::chrono::steady_clock::time_point due) {
   using Kind = Fault::Kind;
-  auto frame = world.next(Deadline::never());
-  if (!frame) return false;
   const int at = ++frames_;
   bool twice = false;
   for (const Fault& fault : script_.faults) {
     if (fault.kind == Kind::kBlack && fault.lasts(at)) {
-      pixels_.assign(static_cast<std::size_t>(frame->depth.width_px) * frame->depth.height_px, 0);
-      frame->depth.pixels = pixels_.data();
-      frame->depth.stride_px = frame->depth.width_px;
+      pixels_.assign(static_cast<std::size_t>(frame.depth.width_px) * frame.depth.height_px, 0);
+      frame.depth.pixels = pixels_.data();
+      frame.depth.stride_px = frame.depth.width_px;
     }
     if (fault.kind == Kind::kBurst && fault.lasts(at)) due = {};
     if (fault.frame != at) continue;
+    if (fault.kind != Kind::kStall) script_.say("begins", fault);
     if (fault.kind == Kind::kUnplug) {
       on_unplug_(fault.amount);
       return false;
@@ -143,8 +132,11 @@ bool SynthDevice::show(SimSource& world, int index, std::uint64_t stamp_us,
     twice = twice || fault.kind == Kind::kDuplicate;
   }
   if (!sleep_until(due)) return false;
-  push(*frame, index, stamp_us);
-  if (twice) push(*frame, index, stamp_us);
+  for (const Fault& fault : script_.faults) {
+    if (at == fault.returns()) script_.say("over", fault);
+  }
+  push(frame, index, stamp_us);
+  if (twice) push(frame, index, stamp_us);
   return true;
 }
 
@@ -159,7 +151,7 @@ void SynthDevice::push(const DepthFrame& frame, int index, std::uint64_t stamp_u
   }
   const std::lock_guard lock{mutex_};
   if (depth_ != nullptr) depth_->push(frame, index, stamp_us, damage);
-  if (colour_ != nullptr && colour)
+  if (colour_ != nullptr && colour && !frame.gray.empty())
     colour_->push(frame, index, stamp_us, SynthStream::Damage::kNone);
 }
 

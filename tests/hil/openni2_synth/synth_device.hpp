@@ -11,14 +11,14 @@
 #include <thread>
 #include <vector>
 
-#include "drivers/sim/sim_source.hpp"
 #include "tests/hil/openni2_synth/script.hpp"
+#include "tests/hil/openni2_synth/synth_frames.hpp"
 #include "tests/hil/openni2_synth/synth_stream.hpp"
 
 namespace maplet::synth {
 
-/// The camera while it is plugged in and open: a thread renders the simulator's world and pushes
-/// depth, then colour, of the same instant.
+/// The camera while it is plugged in and open: a thread renders the simulator's world, or
+/// plays a recording, and pushes depth, then colour, of the same instant.
 class SynthDevice final : public oni::driver::DeviceBase {
  public:
   /// @param frames     counts those of all pluggings
@@ -40,7 +40,7 @@ class SynthDevice final : public oni::driver::DeviceBase {
  private:
   void run();
   /// The frame with what the script does to it. @return false: the cable is out, or the end
-  [[nodiscard]] bool show(SimSource& world, int index, std::uint64_t stamp_us,
+  [[nodiscard]] bool show(DepthFrame& frame, int index, std::uint64_t stamp_us,
                           std::chrono::steady_clock::time_point due);
   void push(const DepthFrame& frame, int index, std::uint64_t stamp_us);
   [[nodiscard]] bool sleep_until(std::chrono::steady_clock::time_point time);
@@ -49,7 +49,6 @@ class SynthDevice final : public oni::driver::DeviceBase {
   const Script script_;
   std::atomic<int>& frames_;
   const std::function<void(int)> on_unplug_;
-  std::chrono::steady_clock::time_point opened_{};
   std::vector<std::uint16_t> pixels_;  ///< of a frame that was tampered with
   std::vector<OniVideoMode> depth_modes_;
   std::vector<OniVideoMode> colour_modes_;

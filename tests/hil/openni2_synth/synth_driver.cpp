@@ -74,6 +74,7 @@ class SynthDriver final : public oni::driver::DriverBase {
     std::unique_lock lock{mutex_};
     if (stopped_.wait_for(lock, delay, [this] { return stop_; })) return;
     plugged_ = true;
+    script_.say("over", {.name = "unplug"});
     lock.unlock();
     deviceConnected(&info_);
   }

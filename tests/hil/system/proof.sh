@@ -1,36 +1,13 @@
 #!/bin/bash
 # Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
-# Inside the booted system (boot_test.sh): the service as its users have it. A line a claim, PASS or
-# FAIL, into /opt/proof/result; then the machine goes off.
+# Inside the booted system (boot_test.sh): the service as its users have it; then the machine goes off.
 cycles=${1:-10}
-exec >/opt/proof/result 2>&1
-
-claim() { # HELD WORDS... : the exit status of what was looked at
-  local held=$1
-  shift
-  if [[ $held = 0 ]]; then echo "PASS  $*"; else echo "FAIL  $*"; fi
-}
-soon() { # SECONDS COMMAND...
-  local end=$((SECONDS + $1))
-  shift
-  until "$@" >/dev/null 2>&1; do
-    [[ $SECONDS -lt $end ]] || return 1
-    sleep 0.1
-  done
-}
-status() { mapletctl status --json; }
-show() { systemctl show mapletd -P "$1"; }
-running() { status | jq -e '(.state == "running" or .state == "degraded") and .frames.processed > 20 and .tracking.now'; }
-ms() { echo $(($(date +%s%N) / 1000000)); }
+. "$(dirname "$0")/claims.sh"
 
 soon 20 systemctl -q is-active mapletd
 held=$?
 claim $held "enabled, it is ready after boot"
-if ! systemctl -q is-active mapletd; then
-  journalctl -u mapletd --no-pager -o cat | tail -20
-  systemctl poweroff
-  exit
-fi
+systemctl -q is-active mapletd || give_up
 soon 20 running
 held=$?
 claim $held "it tracks the camera: $(show StatusText)"
@@ -54,15 +31,35 @@ fi
 [[ $(status | jq .memory.rss_bytes) -le $(show MemoryMax) ]]
 held=$?
 claim $held "resident memory $(status | jq .memory.rss_bytes) within $(show MemoryMax)"
-
-before=$(show MainPID)
-kill -STOP "$before"
-soon 20 bash -c "[[ \$(systemctl show mapletd -P MainPID) != $before && \$(systemctl show mapletd -P ActiveState) = active ]]"
+[[ $(stat -c '%a %U %G' /run/mapletd/agent-0.sock) = "660 mapletd mapletd" ]] &&
+  ! setpriv --reuid=nobody --regid=nogroup --clear-groups mapletctl status
 held=$?
-claim $held "a hung process is killed by the watchdog and comes back ($(show NRestarts) restarts)"
+claim $held "its socket is for the group mapletd alone: $(stat -c '%A %U %G' /run/mapletd/agent-0.sock)"
+
+soon 60 safe 2
+held=$?
+claim $held "two maplets are on the disk"
+mapped=$(status | jq '.journal.flushed.maplets')
+epoch=$(status | jq .epoch)
+before=$(show MainPID)
+hang_estimator "$before"
+begin=$(ms)
+soon 30 restarted "$before"
+held=$?
+claim $held "a hung estimator is killed by the watchdog and comes back: $(($(ms) - begin)) ms, WatchdogSec=$(show WatchdogUSec)"
 soon 20 running
 held=$?
 claim $held "and tracks again"
+[[ $(status | jq .epoch) = "$epoch" ]] && mapped "$mapped"
+held=$?
+claim $held "with its map of $mapped maplets: $(maplets) are there"
+
+before=$(show MainPID)
+kill -STOP "$before"
+soon 30 restarted "$before"
+held=$?
+claim $held "so is a process that stands still ($(show NRestarts) restarts)"
+soon 20 running
 
 systemctl reload mapletd
 held=$?
@@ -86,10 +83,15 @@ systemctl restart mapletd
 held=$?
 took=$(($(ms) - begin))
 claim $held "a restart takes $took ms to READY"
+mapped "$mapped"
+held=$?
+claim $held "the map is still there: $(maplets) maplets"
 systemctl start mapletd@2 && soon 20 mapletctl status --agent 2
 held=$?
 claim $held "a second agent beside it"
-echo "exposure: $(systemd-analyze security mapletd --no-pager 2>/dev/null | grep Overall)"
+
+exposure=$(systemd-analyze security mapletd --no-pager 2>/dev/null | grep Overall)
+echo "exposure: $exposure"
 echo "log:"
 journalctl -u mapletd --no-pager -o cat | tail -20
 systemctl poweroff

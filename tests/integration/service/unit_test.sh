@@ -17,6 +17,17 @@ while IFS== read -r key value; do
   done
 done < <("$mapletd" --print-unit-limits | grep -E '^[A-Z][A-Za-z]+=')
 
+# The ledger's bars: default limits (512 own, 1024 foreign maplets) at both sizes, with the journal.
+most() { # MIB OPTIONS...
+  local mib=$1 total
+  shift
+  total=$("$mapletd" --print-memory --state /tmp "$@" | awk '$1 == "total" { print $2 }')
+  echo "ledger with $*: $((total / 1024)) KiB of $((mib * 1024))"
+  [[ $total -gt 0 && $total -le $((mib * 1048576)) ]] || wrong "the ledger is over its bar"
+}
+most 48 --set limits.image_width_px=320 --set limits.image_height_px=240
+most 128
+
 if ! command -v systemd-analyze >/dev/null; then
   echo "the rest is SKIPPED: no systemd-analyze"
   exit $((failures > 0))
