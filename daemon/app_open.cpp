@@ -109,7 +109,7 @@ int App::open_source(bool again) {
       said = true;
     }
     publish_status(StatusRecord::State::kWaitingForCamera);
-    for (int i = 0; i < 10; ++i) {
+    for (int i = 0; i < 5; ++i) {
       if (stop_asked()) return kExitDone;
       heart_.beat();
       flight_.note_mark();

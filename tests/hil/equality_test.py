@@ -129,11 +129,11 @@ class Equality(daemon.DaemonTest):
                 env=dict(os.environ, **camera), stderr=subprocess.PIPE, text=True)
             self.until(lambda: os.path.exists(self.file("socket")))
             self.until(lambda: self.status()["frames"]["processed"] >= FRAMES)
-            dropped = self.status()["frames"]["dropped"]
             done.send_signal(signal.SIGTERM)
             _, said = done.communicate(timeout=daemon.PATIENCE_S)
             self.assertEqual(done.returncode, 0, said)
-            if dropped == 0:
+            report = json.loads(Path(self.file(out), "report.json").read_text())
+            if report["frames"]["dropped"] == 0:
                 return self.same_as_simulated(self.poses(out))
         return self.fail("frames were missed three times")
 

@@ -18,9 +18,10 @@ SMALL = ["--set", "camera.width_px=320", "--set", "camera.height_px=240", "--set
          "camera.fx_px=285", "--set", "camera.fy_px=285", "--set", "camera.cx_px=159.5",
          "--set", "camera.cy_px=119.5"]
 CAMPAIGN = "MAPLET_FAULT_SCRIPTS" in os.environ  # the machine has nothing else to do
-RETURN_S = 2.0 if CAMPAIGN else 6.0  # the bar, after the device is back
+RETURN_S = 2.0 if CAMPAIGN else 20.0  # after the device is back: the bar, and on a busy machine
 SANITIZED = "MAPLET_SANITIZED" in os.environ  # ten times slower, and nobody counts allocations
-FLAT_BYTES = 1 << 20  # of resident memory between the middle and the end of a script
+FLAT_BYTES = 1 << 20  # of resident memory: eight returns, and eight more
+SCRIPT_BYTES = 8 << 20  # in half a script: a camera's first returns, whose driver makes a world each
 KINDS = ["stall@{}:300", "unplug@{}:200", "late@{}:100", "duplicate@{}", "burst@{}:4", "black@{}:8",
          "corrupt@{}:3", "mode@{}:3", "no_colour@{}:10", "backwards@{}:100"]
 WELL = ("running", "degraded")  # the machine may be busy
@@ -191,14 +192,15 @@ class Camera(daemon.DaemonTest):
 
     def test_every_kind_of_fault_is_over_soon(self):
         # One after the other, far apart: from the camera's return until it is tracked again.
-        faults = [f"{kind.format(60 + 90 * i)}" for i, kind in enumerate(KINDS)]
+        faults = [f"{kind.format(60 + 75 * i)}" for i, kind in enumerate(KINDS)]
         self.start(f"log={self.file('faults')} " + " ".join(f"fault={f}" for f in faults), "--set",
                    "input.decimate=2")
         self.until(lambda: self.status()["frames"]["processed"] > 20)
         maplets = self.maplets()
         self.watch()
         try:
-            self.until(lambda: self.read_frames() >= 90 * len(KINDS))
+            self.until(lambda: self.read_frames() >= 75 * len(KINDS),
+                       2 * daemon.PATIENCE_S)
         finally:
             self.stop_watching()
         took = {kind: self.recovery_s(at, True) for at, what, kind in self.fault_log()
@@ -207,6 +209,18 @@ class Camera(daemon.DaemonTest):
         self.assertEqual(len(took), len(KINDS))
         self.assertLessEqual(max(took.values()), RETURN_S, took)
         self.assertLessEqual(maplets, self.maplets())
+        self.ends_well()
+
+    def test_memory_is_flat_over_many_returns(self):
+        self.start("rate_hz=60 " + " ".join(f"fault=unplug@{20 * i}:50" for i in range(1, 17)),
+                   "--set", "input.decimate=2")
+        resident = []
+        for i in range(1, 17):
+            self.until(lambda: self.read_frames() >= 20 * i)
+            resident.append(self.status()["memory"]["rss_bytes"])
+        print("RSS in KiB after each return:", [one >> 10 for one in resident], flush=True)
+        if not SANITIZED:
+            self.assertLessEqual(max(resident[8:]) - max(resident[:8]), FLAT_BYTES)
         self.ends_well()
 
     def test_random_scripts(self):
@@ -250,7 +264,7 @@ class Camera(daemon.DaemonTest):
         grown = last["memory"]["rss_bytes"] - half["memory"]["rss_bytes"]
         self.most_grown = max(self.most_grown, grown)
         if not SANITIZED:
-            self.assertLessEqual(grown, FLAT_BYTES)
+            self.assertLessEqual(grown, SCRIPT_BYTES)
         self.assertLessEqual(maplets, self.maplets())
         self.ends_well()
         print(seed, f"return {longest:.2f} s, RSS {last['memory']['rss_bytes'] / 2**20:.1f} MiB, "

@@ -2,6 +2,7 @@
 """For tests that run mapletd as a service."""
 import json
 import os
+import select
 import socket
 import subprocess
 import tempfile
@@ -21,7 +22,6 @@ class DaemonTest(unittest.TestCase):
         self.folder = tempfile.TemporaryDirectory(prefix="maplet-service-")
         self.notify = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self.notify.bind(self.file("notify"))
-        self.notify.settimeout(0.2)
         self.heard = []
         self.daemon = None
 
@@ -52,12 +52,10 @@ class DaemonTest(unittest.TestCase):
 
     def listen(self):
         """Waits a little for a word, and takes what else there is: who is not heard waits."""
-        try:
+        patience_s = 0.2
+        while select.select([self.notify], [], [], patience_s)[0]:
             self.heard += self.notify.recv(4096).decode().split("\n")
-            while True:
-                self.heard += self.notify.recv(4096, socket.MSG_DONTWAIT).decode().split("\n")
-        except (TimeoutError, BlockingIOError):
-            pass
+            patience_s = 0
 
     def until(self, condition, patience_s=PATIENCE_S):
         end = time.monotonic() + patience_s

@@ -45,13 +45,9 @@ EOF
   chroot "$root" depmod "$version"
 }
 build_modules >"$work/modules.log" 2>&1 || { tail -30 "$work/modules.log"; exit 1; }
-cat >"$root/etc/initramfs-tools/initramfs.conf" <<'EOF'
-MODULES=list
-COMPRESS=lz4
-EOF
+printf '%s\n' MODULES=list COMPRESS=gzip >"$root/etc/initramfs-tools/initramfs.conf"
 printf '%s\n' virtio_pci virtio_blk ext4 crc32c_generic >"$root/etc/initramfs-tools/modules"
-chroot "$root" apt-get -qq install -y --no-install-recommends lz4 >"$work/initrd.log" 2>&1 || sed -i '/COMPRESS/d' "$root/etc/initramfs-tools/initramfs.conf"
-chroot "$root" update-initramfs -c -k "$version" >>"$work/initrd.log" 2>&1 || { cat "$work/initrd.log"; exit 1; }
+chroot "$root" update-initramfs -c -k "$version" >"$work/initrd.log" 2>&1 || { cat "$work/initrd.log"; exit 1; }
 cp "$root/boot/vmlinuz-$version" "$work/vmlinuz"
 cp "$root/boot/initrd.img-$version" "$work/initrd"
 rm -rf "$root"/usr/src "$root"/root/source "$root"/usr/lib/gcc "$root"/boot "$root"/var/lib/apt/lists
