@@ -33,6 +33,11 @@ function(maplet_precompile target)
   endif()
 endfunction()
 
+# 32-bit systems: recordings of more than 2 GiB, disks with 64-bit inodes.
+if(CMAKE_SIZEOF_VOID_P EQUAL 4)
+  add_compile_definitions(_FILE_OFFSET_BITS=64)
+endif()
+
 # What every target of ours is compiled with.
 add_library(maplet_options INTERFACE)
 target_include_directories(maplet_options INTERFACE ${CMAKE_SOURCE_DIR})

@@ -6,10 +6,10 @@
 #include <cmath>
 #include <cstring>
 
+#include "core/base/neon.hpp"
+
 #if defined(__x86_64__) || defined(__i386__)
 #include <immintrin.h>
-#elif defined(__aarch64__)
-#include <arm_neon.h>
 #endif
 
 namespace maplet {
@@ -95,12 +95,12 @@ MAPLET_AVX2 void assign_block_avx2(const std::uint16_t* pixels, std::ptrdiff_t s
     won[c] += static_cast<std::uint32_t>(hits(halves[0]) + hits(halves[1]));
   }
 }
-#elif defined(__aarch64__)
+#elif defined(__ARM_NEON)
 /// Names of four pixels, 32 bits each.
 inline uint32x4_t assign_four(uint16x4_t raw, const DepthScale& scale, int u, int v,
                               const LinearDepth* planes, int count) noexcept {
   const uint32x4_t wide = vmovl_u16(raw);
-  const float32x4_t w = vdivq_f32(vdupq_n_f32(scale.steps_times_raw), vcvtq_f32_u32(wide));
+  const float32x4_t w = neon::divided(vdupq_n_f32(scale.steps_times_raw), vcvtq_f32_u32(wide));
   const float32x4_t zero_to_three = {0.0F, 1.0F, 2.0F, 3.0F};
   const float32x4_t columns = vaddq_f32(zero_to_three, vdupq_n_f32(static_cast<float>(u)));
   float32x4_t best = vdupq_n_f32(1.0F);
@@ -130,7 +130,7 @@ void assign_block_neon(const std::uint16_t* pixels, std::ptrdiff_t stride_px, in
     vst1_u8(labels + v * labels_stride, names);
     for (int c = 0; c < count; ++c) {
       const uint8x8_t hit = vceq_u8(names, vdup_n_u8(static_cast<std::uint8_t>(planes[c].name)));
-      won[c] += vaddv_u8(vshr_n_u8(hit, 7));
+      won[c] += neon::sum(vshr_n_u8(hit, 7));
     }
   }
 }
@@ -165,7 +165,7 @@ void assign_block_plain(const std::uint16_t* pixels, std::ptrdiff_t stride_px, i
 AssignFunction best_assign_function() noexcept {
 #if defined(__x86_64__) || defined(__i386__)
   if (__builtin_cpu_supports("avx2")) return assign_block_avx2;
-#elif defined(__aarch64__)
+#elif defined(__ARM_NEON)
   return assign_block_neon;
 #endif
   return assign_block_plain;

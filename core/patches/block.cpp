@@ -191,7 +191,7 @@ std::vector<BlockVariant> block_variants() {
 #if defined(__x86_64__) || defined(__i386__)
   if (__builtin_cpu_supports("sse2")) out.push_back({"sse2", block::sum_blocks_sse2});
   if (__builtin_cpu_supports("avx2")) out.push_back({"avx2", block::sum_blocks_avx2});
-#elif defined(__aarch64__)
+#elif defined(__ARM_NEON)
   out.push_back({"neon", block::sum_blocks_neon});
 #endif
   return out;

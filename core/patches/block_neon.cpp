@@ -1,8 +1,7 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
-// The block sums for 64-bit ARM. 32-bit NEON has no exact division: it takes the plain variant.
-#if defined(__aarch64__)
-#include <arm_neon.h>
-
+// The block sums for ARM.
+#if defined(__ARM_NEON)
+#include "core/base/neon.hpp"
 #include "core/patches/block.hpp"
 
 namespace maplet::block {
@@ -15,11 +14,11 @@ inline uint16x8_t valid_mask(uint16x8_t raw, uint16x8_t min_raw) noexcept {
 
 inline std::uint64_t bits_of(uint16x8_t mask) noexcept {
   const uint16x8_t weights = {1, 2, 4, 8, 16, 32, 64, 128};
-  return vaddvq_u16(vandq_u16(mask, weights));
+  return neon::sum(vandq_u16(mask, weights));
 }
 
 inline int32x4_t steps_of(uint16x4_t raw, float32x4_t steps) noexcept {
-  return vcvtnq_s32_f32(vdivq_f32(steps, vcvtq_f32_u32(vmovl_u16(raw))));
+  return neon::rounded(neon::divided(steps, vcvtq_f32_u32(vmovl_u16(raw))));
 }
 
 /// The sums of a quarter while its rows are read.
@@ -33,7 +32,7 @@ struct Sums {
     ww = vmlal_s16(ww, d, d);
   }
   [[nodiscard]] BlockSums::Quarter total() const noexcept {
-    return {vaddvq_s32(w), vaddvq_s32(uw), vaddvq_s32(vw), vaddvq_s32(ww)};
+    return {neon::sum(w), neon::sum(uw), neon::sum(vw), neon::sum(ww)};
   }
 };
 

@@ -1,18 +1,21 @@
 #!/bin/bash
 # Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 # Packs the build as a .deb and takes it through its life in a bare Debian 12 without systemd: install,
-# run, upgrade over an edited configuration, remove, purge.
+# run, read-only disk, upgrade over an edited configuration, remove, purge.
 #   deb_test.sh BUILD_DIR
 # As root. Needs mmdebstrap (tools/setup system) and, the first time, the network. lintian where it is.
+# A package for another processor lives in a root of that processor where the kernel runs its programs
+# by qemu-user (binfmt_misc).
 set -eu
 build=$1
 . "$(dirname "$0")/../support/debian_root.sh"
 needs mmdebstrap
 
 failed=0
-claim() { # WORDS COMMAND...
+claim() { # WORDS COMMAND... : what it says goes to $work/said, what the one before said to $work/before
   local words=$1
   shift
+  [[ ! -f $work/said ]] || mv "$work/said" "$work/before"
   if "$@" >"$work/said" 2>&1; then
     echo "PASS  $words"
   else
@@ -22,15 +25,15 @@ claim() { # WORDS COMMAND...
   fi
 }
 
+refused() { ! "$@"; }
+
 work=$(mktemp -d "${TMPDIR:-/var/tmp}/mapletd-deb.XXXXXX")
 trap 'rm -rf --one-file-system "$work"' EXIT
 (cd "$build" && cpack -B "$work" >"$work/cpack.log" 2>&1) || { cat "$work/cpack.log"; exit 1; }
 deb=$(ls "$work"/mapletd_*.deb)
 depends=$(dpkg-deb -f "$deb" Depends | sed 's/([^)]*)//g; s/ //g')
-
-root=$work/root
-debian_root deb "$depends" "$root"
-inside() { chroot "$root" "$@"; }
+arch=$(dpkg-deb -f "$deb" Architecture)
+echo "$(basename "$deb"): $(($(stat -c %s "$deb") / 1024)) KiB, $(dpkg-deb -f "$deb" Installed-Size) KiB installed"
 
 if command -v lintian >/dev/null; then
   claim "lintian finds no error" lintian --allow-root --fail-on error --no-tag-display-limit "$deb"
@@ -44,21 +47,53 @@ else
   echo "SKIPPED  the programs' size, $strip_kib KiB: not a release"
 fi
 
+"$(dirname "$0")/neon_claims.sh" "$deb" || failed=1
+
+runs_here() {
+  local machine=$arch
+  [[ $arch != "$(dpkg --print-architecture)" ]] || return 0
+  [[ $arch != arm64 ]] || machine=aarch64
+  [[ $arch != armhf ]] || machine=arm
+  grep -qs '^enabled' "/proc/sys/fs/binfmt_misc/qemu-$machine"
+}
+if ! runs_here; then
+  echo "SKIPPED  its life: this kernel runs no $arch programs"
+  exit $failed
+fi
+root=$work/root
+debian_root deb "$depends,jq,fonts-open-sans" "$root" "$arch"
+inside() { chroot "$root" "$@"; }
+"$(dirname "$0")/dependencies.sh" "$root" "$depends"
+
 cp "$deb" "$root/mapletd.deb"
+# Inside, on a disk that cannot be written, but for /tmp.
+read_only() {
+  unshare --mount sh -euc 'mount --make-rprivate / && mount --bind "$1" "$1" && mount -o remount,ro,bind "$1" &&
+    mount -t tmpfs none "$1/tmp" && shift && exec chroot "$@"' sh "$root" "$root" "$@"
+}
+claim "a read-only root is not half installed" refused read_only dpkg -i /mapletd.deb
+claim "and says why" grep -qi "read-only" "$work/before"
+claim "dpkg knows nothing of it" refused inside dpkg -s mapletd
 claim "it installs where there is no systemd" inside dpkg -i /mapletd.deb
 claim "its user is there" inside getent passwd mapletd
 claim "it runs" inside mapletd --source 'sim:room?frames=30&width=320' --no-dds --out /tmp/run
-claim "the demo is there" inside bash -c 'test -x /usr/libexec/mapletd/demo && mapletctl demo --help'
 claim "and left a map" test -s "$root/tmp/run/map.svg"
+claim "it runs on a read-only root" read_only mapletd --source 'sim:room?frames=30&width=320' --no-dds --out /tmp/run
+claim "a state folder that is read-only is said" refused read_only mapletd --source 'sim:room?frames=30&width=320' --no-dds \
+  --out /tmp/run --state /var/lib/mapletd
+claim "in one line" test "$(wc -l <"$work/said")" = 1
+if [[ $arch = $(dpkg --print-architecture) ]]; then
+  claim "the demo runs from the package alone" inside mapletctl demo --out /tmp/demo
+  claim "and left its pictures" test -s "$root/tmp/demo/after.png"
+else
+  claim "the demo is there" inside bash -c 'test -x /usr/libexec/mapletd/demo && mapletctl demo --help'
+fi
 claim "no camera is said in one line" bash -c "! chroot '$root' mapletd --source openni2: --no-dds --out /tmp/none"
 
 # The next version, over a configuration that its owner edited.
 echo "# mine" >>"$root/etc/mapletd/mapletd.toml"
 mkdir -p "$root/var/lib/mapletd" && touch "$root/var/lib/mapletd/map"
-dpkg-deb -R "$deb" "$work/next"
-sed -i 's/^Version: .*/&+next/' "$work/next/DEBIAN/control"
-echo "# theirs" >>"$work/next/etc/mapletd/mapletd.toml"
-dpkg-deb -b "$work/next" "$root/next.deb" >/dev/null
+next_version "$deb" "$work/next" "$root/next.deb"
 claim "it upgrades" inside dpkg --force-confdef --force-confold -i /next.deb
 claim "an edited configuration stays" grep -qx "# mine" "$root/etc/mapletd/mapletd.toml"
 

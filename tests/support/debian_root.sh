@@ -10,15 +10,22 @@ needs() { # PROGRAMS...
   [[ $(id -u) = 0 ]] || { echo "SKIPPED: not root"; exit 0; }
 }
 
-debian_root() { # NAME PACKAGES(comma separated) FOLDER: unpacks it into FOLDER
-  local cache=${XDG_CACHE_HOME:-$HOME/.cache}/mapletd base
-  base=$cache/$1-$(echo "$2" | md5sum | cut -c1-12).tar
+debian_root() { # NAME PACKAGES(comma separated) FOLDER [ARCHITECTURE]: unpacks it into FOLDER
+  local cache=${XDG_CACHE_HOME:-$HOME/.cache}/mapletd arch=${4:-$(dpkg --print-architecture)} base
+  base=$cache/$1-$(echo "$arch $2" | md5sum | cut -c1-12).tar
   mkdir -p "$cache" "$3"
   if [[ ! -f $base ]]; then
     echo "making a Debian root ($1)"
-    mmdebstrap --quiet --format=tar --variant=minbase --include="$2" bookworm "$base.new" ||
+    mmdebstrap --quiet --format=tar --variant=minbase --architectures="$arch" --include="$2" bookworm "$base.new" ||
       { rm -f "$base.new"; exit 1; }
     mv "$base.new" "$base"
   fi
   tar -C "$3" -xf "$base"
+}
+
+next_version() { # DEB FOLDER NEW_DEB: the same package as a later version, its configuration changed
+  dpkg-deb -R "$1" "$2"
+  sed -i 's/^Version: .*/&+next/' "$2/DEBIAN/control"
+  echo "# theirs" >>"$2/etc/mapletd/mapletd.toml"
+  dpkg-deb -b "$2" "$3" >/dev/null
 }
