@@ -89,7 +89,7 @@ mapped "$mapped"
 held=$?
 claim $held "with its map of $mapped maplets: $(maplets) are there"
 said=$(systemd-run --quiet --pipe --wait -p MemoryMax=24M -p MemorySwapMax=0 mapletd --no-dds --source sim:room 2>&1)
-[[ $? = 2 && $said = *"the control group allows 24 MiB"* && $said = *"agent/"*"total"* ]]
+[[ $? = 2 && $said = *"the control group allows 24 MiB"* && $said = *"patches/"*"total"* ]]
 held=$?
 claim $held "a control group that is too small is refused, with the ledger: ${said%%$'\n'*}"
 
