@@ -10,7 +10,7 @@ namespace {
 constexpr double kFollow = 0.1;  // of a frame's inflation
 constexpr double kMostInflation = 1e4;
 // Interpolation and the choice of the steepest points err alike everywhere: regions do not see it.
-constexpr double kLeastInflation = 4.0;
+constexpr double kLeastInflation = 16.0;
 
 }  // namespace
 
