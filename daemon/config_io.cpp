@@ -125,6 +125,9 @@ tl::expected<void, ConfigError> check_together(const Config& config) {
     return tl::unexpected<ConfigError>{
         "camera: width_px, height_px, fx_px and fy_px go together: give all four, or none"};
   }
+  if (std::string problem = config.radio.problem(config.dds.domain); !problem.empty()) {
+    return tl::unexpected{std::move(problem)};
+  }
   if (const auto gray = gray_options(config.gray); !gray) return tl::unexpected{gray.error()};
   const LimitsConfig& limits = config.agent.limits;
   if (config.gray.used() && (config.gray.width_px > limits.image_width_px ||

@@ -125,6 +125,7 @@ class Console {
 
   // console_text.cpp: the server's side
   [[nodiscard]] std::string reply(const std::string& line);
+  [[nodiscard]] std::string answer_to(const std::string& line);
   [[nodiscard]] static NewClosure named(const nlohmann::ordered_json& question);
   [[nodiscard]] std::string status_text() const;  // status_text.cpp
   [[nodiscard]] std::string mission_text() const;

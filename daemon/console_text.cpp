@@ -21,10 +21,10 @@ Json key_json(const MapletKey& key) {
 }
 
 bool names_two_maplets(const Json& question) {
-  for (const char* key : {"agent_a", "id_a", "agent_b", "id_b"}) {
-    if (!question.value(key, Json{}).is_number_unsigned()) return false;
-  }
-  return true;
+  return is_number_of<std::uint16_t>(question.value("agent_a", Json{})) &&
+         is_number_of<std::uint32_t>(question.value("id_a", Json{})) &&
+         is_number_of<std::uint16_t>(question.value("agent_b", Json{})) &&
+         is_number_of<std::uint32_t>(question.value("id_b", Json{}));
 }
 
 }  // namespace
@@ -39,6 +39,14 @@ Console::NewClosure Console::named(const nlohmann::ordered_json& q) {
 }
 
 std::string Console::reply(const std::string& line) {
+  try {
+    return answer_to(line);
+  } catch (const Json::exception&) {  // a field of another type, or bytes that are no UTF-8
+    return error("a field of the question is not what the command takes").dump();
+  }
+}
+
+std::string Console::answer_to(const std::string& line) {
   const Json question = Json::parse(line, nullptr, false);
   if (!question.is_object() || !question.value("command", Json{}).is_string()) {
     return error("a question is a line of JSON with a command").dump();
@@ -140,9 +148,11 @@ std::string Console::why_text(int agent) {
                            : "never heard, and nobody relayed anything of it";
   } else if (why_.closures == 0) {
     reason = fmt::format(
-        "no place was found that both saw; {} of its maplets compared, {} pairs, "
-        "the last one: {}",
-        why_.looked.maplets, why_.looked.pairs, why_.looked.reason);
+        "no place was found that both saw; {} of its maplets compared{}", why_.looked.maplets,
+        why_.looked.pairs == 0
+            ? ", none looked alike enough to try"
+            : fmt::format(", {} pairs, best overlap {:.0f} %, the last one: {}", why_.looked.pairs,
+                          100.0 * why_.looked.best_overlap, why_.looked.reason));
   } else {
     reason = "all closures between the two are rejected";
   }

@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "daemon/console.hpp"
+#include "daemon/status_json.hpp"
 
 namespace maplet::daemon {
 
@@ -74,7 +75,9 @@ std::string Console::way_text(const std::string& line) {
   const auto read = [&](const char* agent, const char* id, PlaceName& name) {
     const Json a = q.value(agent, Json{});
     const Json i = q.value(id, Json{});
-    if (!a.is_number_unsigned() || (!i.is_null() && !i.is_number_unsigned())) return false;
+    if (!is_number_of<std::uint16_t>(a) || (!i.is_null() && !is_number_of<std::uint32_t>(i))) {
+      return false;
+    }
     name = {a.get<std::uint16_t>(), std::nullopt};
     if (!i.is_null()) name.id = i.get<std::uint32_t>();
     return true;

@@ -180,7 +180,10 @@ void RadioLink::loop() noexcept {
     now = clock_.now();
     take_own(now);
     if (radio_) send(now);
-    if (now - noted_at_ > kLook / 4) note_status(now);
+    if (now - noted_at_ > kLook / 4) {
+      note_status(now);
+      warn_once();
+    }
   }
   radio_.reset();
 }
@@ -197,7 +200,14 @@ void RadioLink::look_after_link(Instant now) noexcept {
   if (radio_ || now < retry_at_) return;
   retry_at_ = now + kRetry;
   auto opened = DdsRadio::open(config_, domain_, identity_.agent);
-  if (!opened) return;
+  if (!opened) {
+    if (!warned_.open && opened.error().code != ErrorCode::kDevice) {
+      log_warning(opened.error().what + "; tried again every few seconds");
+      warned_.open = true;
+    }
+    return;
+  }
+  warned_.open = false;
   radio_ = std::move(*opened);
   open_ = true;
   opened_at_ = now;

@@ -36,6 +36,7 @@ struct RadioStatus {
   std::array<std::uint64_t, kTraffics> lane_bytes{};  ///< of our datagrams, by what they lead with
   std::uint32_t conflicts = 0;
   int conflicting_agent = -1;
+  std::uint64_t lives_refused = 0;  ///< times that there was no room for another agent's life
   NodeCounters counters;
   MapletTrade::Counters maplets;
   struct PeerStatus {
@@ -140,6 +141,7 @@ class RadioLink final : private RecordTaker, private FrameTaker {
   void take_own(Instant now) noexcept;
   void send(Instant now) noexcept;
   void note_status(Instant now) noexcept;
+  void warn_once() noexcept;
   [[nodiscard]] bool at_rest() const noexcept { return at_rest_; }
 
   RadioConfig config_;
@@ -175,6 +177,12 @@ class RadioLink final : private RecordTaker, private FrameTaker {
   Instant announced_at_{};
   Instant opened_at_{};
   Instant noted_at_{};
+  struct Warned {
+    bool conflict = false;
+    bool lives = false;
+    bool future = false;
+    bool open = false;
+  } warned_;
   Instant busy_at_{};  ///< something was heard, taken or missing
   std::uint32_t listeners_ = 0;
   std::uint64_t metered_ = 0;

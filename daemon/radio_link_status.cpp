@@ -1,7 +1,11 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 // What the link tells of itself.
-#include <algorithm>
+#include <fmt/format.h>
 
+#include <algorithm>
+#include <utility>
+
+#include "daemon/log.hpp"
 #include "daemon/radio_link.hpp"
 #include "transport/dds/wire_meter.hpp"
 
@@ -53,6 +57,7 @@ void RadioLink::note_status(Instant now) noexcept {
   s.conflicts = static_cast<std::uint32_t>(node_->peer_table().conflicts());
   s.conflicting_agent = node_->peer_table().conflicting_agent().value_or(0xFFFF);
   if (s.conflicts == 0) s.conflicting_agent = -1;
+  s.lives_refused = node_->ledger().lives_refused();
   s.counters = node_->counters();
   s.maplets = node_->maplets().counters();
   s.peer_count = 0;
@@ -66,6 +71,25 @@ void RadioLink::note_status(Instant now) noexcept {
       out.silent_s = seconds(now - peer.last_heard);
       out.held_of = held_of(peer.life);
     }
+  }
+}
+
+// What an operator has to hear of, whoever looks at the status or not.
+void RadioLink::warn_once() noexcept {
+  const Peers& peers = node_->peer_table();
+  if (peers.conflicts() > 0 && !std::exchange(warned_.conflict, true)) {
+    log_warning(
+        fmt::format("exchange: two devices call themselves agent {}: give each its own "
+                    "--agent, and its own state directory",
+                    peers.conflicting_agent().value_or(0)));
+  }
+  if (node_->ledger().lives_refused() > 0 && !std::exchange(warned_.lives, true)) {
+    log_warning(
+        "exchange: more agents and restarts are known than exchange.max_lives allows: the "
+        "records of further ones are not taken; raise it");
+  }
+  if (node_->counters().future > 0 && !std::exchange(warned_.future, true)) {
+    log_warning("exchange: an agent speaks a newer version, which is left alone: update mapletd");
   }
 }
 

@@ -58,6 +58,7 @@ Json exchange_json(const RadioStatus& radio) {
           {"conflicting", n.conflicting},
           {"forged_own", n.forged_own},
           {"refused", n.refused},
+          {"lives_refused", radio.lives_refused},
           {"maplets",
            {{"kept", radio.maplets.kept},
             {"received", radio.maplets.received},

@@ -12,6 +12,13 @@
 
 namespace maplet::daemon {
 
+/// Whether it is a whole number that fits.
+template <class Number>
+[[nodiscard]] bool is_number_of(const nlohmann::ordered_json& value) {
+  return value.is_number_unsigned() &&
+         value.get<std::uint64_t>() <= std::numeric_limits<Number>::max();
+}
+
 /// `mapletctl status --json`. @param radio  nullptr: --no-dds
 [[nodiscard]] nlohmann::ordered_json status_json(const StatusBoard::Notice& notice,
                                                  const MemoryStatus& memory,

@@ -15,15 +15,17 @@
 namespace maplet {
 
 /// What the alignment reads of a patch.
-struct Facet {
-  Eigen::Vector3d theta;   ///< 1/m
-  Sym3 covariance;         ///< of theta, with the sensor's bias
-  Eigen::Vector3d centre;  ///< camera frame, m
+struct alignas(64) Facet {
+  // One line of a cache: what each step of an alignment reads.
+  Eigen::Vector3d theta;  ///< 1/m
+  /// The best known theta of the surface it lies on: of its plane if it has one. Normals of patches
+  /// are noisy; as a Jacobian they would claim to see free directions.
+  Eigen::Vector3d surface;
   double pixels;
   std::size_t block;  ///< of the image: ScoreBlocks
-  /// The best known theta of the surface it lies on, and its covariance: of its plane if it has
-  /// one. Normals of patches are noisy; as a Jacobian they would claim to see free directions.
-  Eigen::Vector3d surface;
+
+  Sym3 covariance;         ///< of theta, with the sensor's bias
+  Eigen::Vector3d centre;  ///< camera frame, m
   Sym3 surface_covariance;
   bool moved = false;  ///< it does not stand still: no reference
   bool stood = false;  ///< a keyframe saw it where it is

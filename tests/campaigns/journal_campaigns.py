@@ -108,6 +108,7 @@ class Campaign(daemon.DaemonTest):
             end = time.monotonic() + self.random.uniform(0.0, longest_s)
             while time.monotonic() < end:
                 status = self.ask(1.0) or status
+                time.sleep(0.02)
             self.assertEqual(status["journal"]["state"], "on")
             now = status["journal"]["flushed"]
             grown += now.get("maplets", 0) > safe.get("maplets", 0)

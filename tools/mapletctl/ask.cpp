@@ -92,8 +92,9 @@ void add_daemon_options(Command command, const std::shared_ptr<Daemon>& daemon) 
 
 nlohmann::ordered_json ask(const Daemon& daemon, const nlohmann::ordered_json& question) {
   const std::string path = find_socket(daemon);
-  const auto answer =
-      nlohmann::ordered_json::parse(Connection{path}.ask(question.dump() + "\n"), nullptr, false);
+  using Json = nlohmann::ordered_json;
+  const std::string line = question.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
+  const auto answer = nlohmann::ordered_json::parse(Connection{path}.ask(line), nullptr, false);
   if (answer.is_discarded()) throw Failure{path + ": the answer makes no sense"};
   if (answer.is_object() && answer.contains("error")) {
     throw Failure{answer["error"].get<std::string>()};

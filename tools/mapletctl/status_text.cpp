@@ -71,6 +71,17 @@ void print_status(const Json& s) {
       fmt::print("          two devices call themselves agent {}: give each its own --agent\n",
                  e["conflicting_agent"].get<int>());
     }
+    if (e["lives_refused"].get<long>() > 0) {
+      fmt::print("          no room for the records of further agents: raise exchange.max_lives\n");
+    }
+    if (e["datagrams"]["future"].get<long>() > 0) {
+      fmt::print("          an agent speaks a newer version: update mapletd\n");
+    }
+    if (e["open"].get<bool>() && e["listeners"].get<long>() == 0) {
+      fmt::print(
+          "          nobody listens: agents need the same dds.profile, radio_domain and "
+          "network (mapletctl check)\n");
+    }
   }
   for (const Json& peer : s["peers"]) print_peer(peer);
 }

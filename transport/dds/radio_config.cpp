@@ -1,7 +1,11 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #include "transport/dds/radio_config.hpp"
 
+#include <arpa/inet.h>
 #include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
 
 #include "transport/dds/config.hpp"
 
@@ -42,6 +46,35 @@ std::vector<std::string> RadioConfig::peer_list() const {
     }
   }
   return list;
+}
+
+std::string RadioConfig::problem(int local_domain) const {
+  if (radio_domain == local_domain) {
+    return fmt::format("dds: radio_domain = {} must differ from dds.domain; -1 chooses",
+                       radio_domain);
+  }
+  const auto peers_given = peer_list();
+  for (const std::string& peer : peers_given) {
+    in_addr parsed{};
+    if (inet_pton(AF_INET, peer.c_str(), &parsed) != 1) {
+      return fmt::format("dds: peers: '{}' is no IPv4 address; write addresses, by commas", peer);
+    }
+  }
+  // Below this a datagram to all peers never fits what ByteBudget leaves to maplets while somebody
+  // is away: half of ten seconds, of that three quarters.
+  constexpr double kSecondsForOne = 3.75;
+  const std::size_t copies = std::max<std::size_t>(1, peers_given.size());
+  const double least =
+      static_cast<double>((link_profile().datagram_bytes + kWireOverheadBytes) * copies) /
+      kSecondsForOne;
+  if (budget_bytes_per_s < least) {
+    return fmt::format(
+        "dds: budget_bytes_per_s = {} cannot carry a datagram of profile '{}' to {} "
+        "peers: {:.0f} at least{}",
+        budget_bytes_per_s, profile, copies, std::ceil(least),
+        profile == "wifi" ? ", or profile 'radio'" : "");
+  }
+  return {};
 }
 
 std::string cyclone_radio_xml(const RadioConfig& config, int participant_index, bool multicast) {

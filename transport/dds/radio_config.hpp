@@ -40,6 +40,8 @@ struct RadioConfig {
     return profile == "radio" ? radio_profile() : wifi_profile();
   }
   [[nodiscard]] std::vector<std::string> peer_list() const;
+  /// @return what is wrong with it beside a local domain, in one line, or nothing
+  [[nodiscard]] std::string problem(int local_domain) const;
 };
 
 /// What DDS, UDP and IP add to a datagram of ours (docs/dds.md).

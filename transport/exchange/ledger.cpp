@@ -23,8 +23,9 @@ std::uint64_t hash(const RecordKey& key) noexcept {
 
 }  // namespace
 
-Ledger::Ledger(const Config& config, Arena& arena)
-    : rows_{arena.make_array<Row>(static_cast<std::size_t>(config.max_lives), "exchange/ledger")} {}
+Ledger::Ledger(const Config& config, const Life& own, Arena& arena)
+    : own_{own},
+      rows_{arena.make_array<Row>(static_cast<std::size_t>(config.max_lives), "exchange/ledger")} {}
 
 const Ledger::Row* Ledger::find(const Life& life) const noexcept {
   const auto all = rows();
@@ -38,8 +39,9 @@ Ledger::Row* Ledger::row_of(const Life& life) noexcept {
   const auto at = std::lower_bound(rows_.begin(), end, life,
                                    [](const Row& row, const Life& l) { return row.life < l; });
   if (at != end && at->life == life) return &*at;
-  if (count_ == rows_.size()) {
+  if (!has_room_for(life)) {
     ++refused_;
+    ++lives_refused_;
     return nullptr;
   }
   std::move_backward(at, end, end + 1);
@@ -77,7 +79,7 @@ bool Ledger::accepts(const RecordKey& key) const noexcept {
   const auto stream = static_cast<std::size_t>(key.stream);
   const Row* row = find({key.agent, key.epoch});
   if (stream >= kStreams || key.seq >= SeqSet::kSeqEnd) return false;
-  if (row == nullptr) return count_ < rows_.size();
+  if (row == nullptr) return has_room_for({key.agent, key.epoch});
   SeqSet copy = row->held[stream];
   return copy.insert(key.seq) != Insert::kFull;
 }

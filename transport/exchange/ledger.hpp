@@ -55,7 +55,8 @@ class Ledger {
     std::array<std::uint32_t, kStreams> known_end{};  ///< somebody has held up to here
   };
 
-  Ledger(const Config& config, Arena& arena);
+  /// @param own  there is always room for this life
+  Ledger(const Config& config, const Life& own, Arena& arena);
 
   /// A record arrived, or was made. kNew: keep and use it; kDuplicate: drop it; kFull: drop it.
   Insert insert(const RecordKey& key) noexcept;
@@ -75,18 +76,26 @@ class Ledger {
   [[nodiscard]] std::uint64_t records() const noexcept { return records_; }
   /// Lives and islands refused for want of room.
   [[nodiscard]] std::uint64_t refused() const noexcept { return refused_; }
+  /// Times that a life was refused: there are agents whose records are not taken.
+  [[nodiscard]] std::uint64_t lives_refused() const noexcept { return lives_refused_; }
 
   /// Records known to exist that are not held, maplets apart.
   [[nodiscard]] std::uint64_t missing() const noexcept;
 
  private:
   Row* row_of(const Life& life) noexcept;
+  [[nodiscard]] bool has_room_for(const Life& life) const noexcept {
+    const std::size_t kept_free = life == own_ || find(own_) != nullptr ? 0 : 1;
+    return count_ + kept_free < rows_.size();
+  }
 
+  Life own_;
   std::span<Row> rows_;
   std::size_t count_ = 0;
   std::uint64_t digest_ = 0;
   std::uint64_t records_ = 0;
   std::uint64_t refused_ = 0;
+  std::uint64_t lives_refused_ = 0;
 };
 
 }  // namespace maplet

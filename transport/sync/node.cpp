@@ -29,7 +29,7 @@ ExchangeNode::ExchangeNode(const SyncConfig& config, const LinkProfile& profile,
       profile_{profile},
       self_{self},
       taker_{taker},
-      ledger_{{config.max_lives}, arena},
+      ledger_{{config.max_lives}, self, arena},
       delta_poses_{static_cast<std::size_t>(config.records_kept), "exchange/records", arena},
       ranges_{static_cast<std::size_t>(config.ranges_kept), "exchange/ranges", arena},
       trade_{trade_config(config, profile, maplet_bytes), arena},
@@ -118,6 +118,7 @@ void ExchangeNode::say_again(Instant now) noexcept {
 
 void ExchangeNode::wake(Instant now) noexcept {
   changed(now);
+  woken_at_ = now;
   say_by(now + jitter(profile_.quick / 2));
 }
 

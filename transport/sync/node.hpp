@@ -196,6 +196,7 @@ class ExchangeNode {
   std::optional<Life> digest_after_;  ///< the digest goes on behind this life
   Instant say_at_{};                  ///< digest or beacon
   Instant said_at_{};
+  Instant woken_at_{};
   Instant maplets_from_{};  ///< somebody is heard again: maplets wait until then
   std::array<std::uint32_t, kStreams> restored_{};
   Duration calm_{};  ///< the present interval while nothing happens

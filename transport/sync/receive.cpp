@@ -8,6 +8,7 @@ namespace maplet {
 namespace {
 
 constexpr Duration kSilence = std::chrono::seconds{6};  // after it a peer is heard "again"
+constexpr Duration kStragglers = std::chrono::seconds{5};
 constexpr Duration kSoon = std::chrono::milliseconds{50};
 
 bool touch(const KeyRange& a, const KeyRange& b) noexcept {
@@ -30,7 +31,12 @@ void ExchangeNode::receive(std::span<const std::byte> bytes, Instant now) noexce
   if (reader.fault() == DatagramFault::kDamaged) ++counters_.damaged;
   if (reader.fault() != DatagramFault::kNone) return;
   const DatagramHead& head = reader.head();
-  if (head.sender == self_) return;  // ourselves, or a double that nobody can tell from us
+  if (head.sender == self_) {
+    // The link gives nobody their own words back: a double with a copy of our journal, or what was
+    // on its way when an earlier process of ours ended.
+    if (now - woken_at_ > kStragglers) peers_.note_conflict(self_.agent);
+    return;
+  }
   if (head.sender.agent == self_.agent) peers_.note_conflict(self_.agent);
   const Peer* before = peers_.find(head.sender);
   const bool again = before == nullptr || now - before->last_heard > kSilence;

@@ -243,7 +243,12 @@ class Control(unittest.TestCase):
     def test_bad_questions_get_one_line(self):
         self.start(1)
         for question in (b"nonsense\n", b"{}\n", b'{"command":"fly"}\n', b'{"command":7}\n',
-                         b'{"command":"add","agent_a":1}\n', b"\xff\xfe\n"):
+                         b'{"command":"add","agent_a":1}\n', b"\xff\xfe\n",
+                         b'{"command":"recorder","out":5}\n', b'{"command":"set","key":5}\n',
+                         b'{"command":"radio","state":null}\n', b'{"command":"set","key":"\xff"}\n',
+                         b'{"command":"way","agent_b":65537,"id_b":0}\n',
+                         b'{"command":"decide","agent_a":65537,"id_a":0,"agent_b":1,"id_b":1,'
+                         b'"accept":false}\n'):
             with socket.socket(socket.AF_UNIX) as link:
                 link.settimeout(10)
                 link.connect(self.path(1))

@@ -101,6 +101,26 @@ TEST(RadioConfig, DomainIsTheNextOne) {
   EXPECT_EQ(config.domain(0), 7);
 }
 
+TEST(RadioConfig, SaysWhatCannotWork) {
+  EXPECT_EQ(RadioConfig{}.problem(0), "");
+  RadioConfig same;
+  same.radio_domain = 3;
+  EXPECT_EQ(same.problem(2), "");
+  EXPECT_NE(same.problem(3).find("must differ from dds.domain"), std::string::npos);
+  RadioConfig names;
+  names.peers = "10.0.0.2, foo;bar";
+  EXPECT_NE(names.problem(0).find("'foo;bar' is no IPv4 address"), std::string::npos);
+  RadioConfig poor;  // 1092 bytes on the wire
+  poor.budget_bytes_per_s = 291;
+  EXPECT_NE(poor.problem(0).find("292 at least"), std::string::npos) << poor.problem(0);
+  poor.budget_bytes_per_s = 292;
+  EXPECT_EQ(poor.problem(0), "");
+  poor.peers = "10.0.0.2 10.0.0.3";  // each datagram twice
+  EXPECT_NE(poor.problem(0).find("to 2 peers"), std::string::npos);
+  poor.profile = "radio";
+  EXPECT_NE(poor.problem(0).find("306 at least"), std::string::npos) << poor.problem(0);
+}
+
 TEST(DdsRadio, MissingInterfaceCanBeTriedAgain) {
   RadioConfig config;
   config.interface = "no0such";

@@ -13,7 +13,7 @@ namespace {
 
 struct Side {
   Arena arena{std::size_t{1} << 22};
-  Ledger ledger{{.max_lives = 64}, arena};
+  Ledger ledger{{.max_lives = 64}, {}, arena};
 };
 
 void insert(Ledger& ledger, const KeyRange& range) {

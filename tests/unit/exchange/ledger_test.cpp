@@ -74,7 +74,7 @@ TEST(Ledger, OrderAndRepetitionDoNotMatter) {
   std::uint64_t digest = 0;
   for (int round = 0; round < 20; ++round) {
     Arena arena{std::size_t{1} << 20};
-    Ledger ledger{{}, arena};
+    Ledger ledger{{}, {}, arena};
     std::shuffle(keys.begin(), keys.end(), rng);
     for (const auto& key : keys) EXPECT_EQ(ledger.insert(key), Insert::kNew);
     for (const auto& key : keys) EXPECT_EQ(ledger.insert(key), Insert::kDuplicate);
@@ -92,7 +92,7 @@ TEST(Ledger, EveryFieldOfKeyCounts) {
        {base, RecordKey{2, 2, Stream::kDeltaPoses, 3}, RecordKey{1, 3, Stream::kDeltaPoses, 3},
         RecordKey{1, 2, Stream::kClosures, 3}, RecordKey{1, 2, Stream::kDeltaPoses, 4}}) {
     Arena arena{std::size_t{1} << 20};
-    Ledger ledger{{}, arena};
+    Ledger ledger{{}, {}, arena};
     EXPECT_EQ(ledger.insert(key), Insert::kNew);
     EXPECT_TRUE(ledger.contains(key));
     EXPECT_EQ(ledger.contains(base), key == base);
@@ -101,20 +101,23 @@ TEST(Ledger, EveryFieldOfKeyCounts) {
   EXPECT_EQ(digests.size(), 5U);
 }
 
-TEST(Ledger, FullOfLivesRefusesAndCounts) {
+TEST(Ledger, FullOfLivesRefusesAndCountsButNotItself) {
   Arena arena{std::size_t{1} << 20};
-  Ledger ledger{{.max_lives = 2}, arena};
+  Ledger ledger{{.max_lives = 3}, {9, 1}, arena};
   EXPECT_EQ(ledger.insert({1, 1, Stream::kDeltaPoses, 0}), Insert::kNew);
   EXPECT_EQ(ledger.insert({2, 1, Stream::kDeltaPoses, 0}), Insert::kNew);
   EXPECT_EQ(ledger.insert({3, 1, Stream::kDeltaPoses, 0}), Insert::kFull);
   EXPECT_EQ(ledger.insert({2, 1, Stream::kDeltaPoses, 1}), Insert::kNew);
+  EXPECT_FALSE(ledger.accepts({3, 1, Stream::kDeltaPoses, 0}));
   EXPECT_EQ(ledger.refused(), 1U);
-  EXPECT_EQ(ledger.records(), 3U);
+  EXPECT_EQ(ledger.lives_refused(), 1U);
+  EXPECT_EQ(ledger.insert({9, 1, Stream::kDeltaPoses, 0}), Insert::kNew);
+  EXPECT_EQ(ledger.records(), 4U);
 }
 
 TEST(Ledger, KnowsWhatItMisses) {
   Arena arena{std::size_t{1} << 20};
-  Ledger ledger{{}, arena};
+  Ledger ledger{{}, {}, arena};
   ledger.expect({1, 1}, Stream::kDeltaPoses, 10);
   EXPECT_EQ(ledger.missing(), 10U);
   EXPECT_EQ(ledger.insert({1, 1, Stream::kDeltaPoses, 4}), Insert::kNew);

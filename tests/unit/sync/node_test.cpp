@@ -201,6 +201,22 @@ TEST(Node, TwoAgentsWithOneIdAreNoticedAndHarmNobody) {
   EXPECT_EQ(world.robots[0]->taker.delta_poses, world.robots[1]->taker.delta_poses);
 }
 
+// A copied journal: the same agent in the same epoch.
+TEST(Node, ADoubleWithTheSameEpochIsNoticedByBoth) {
+  World world{8, {}};
+  world.add(2, 200, wifi_profile(), 2000.0);
+  world.add(2, 200, wifi_profile(), 2000.0);
+  for (auto& robot : world.robots) robot->node.wake(world.now);
+  int step = 0;
+  world.run(seconds{30}, [&] {
+    if (++step % 200 == 0) world.make_delta(*world.robots[step / 200 % 2]);
+  });
+  for (auto& robot : world.robots) {
+    EXPECT_GT(robot->node.peer_table().conflicts(), 0U);
+    EXPECT_EQ(robot->node.peer_table().conflicting_agent(), 2);
+  }
+}
+
 TEST(Node, AFullTakerGetsItLater) {
   World world{9, {}};
   world.add(1, 100, wifi_profile(), 2000.0);
