@@ -33,7 +33,7 @@ constexpr std::size_t kOwnThreads = 6;                  // the journal's beside
 constexpr std::size_t kDdsThreads = 10;
 constexpr std::size_t kRuntimeBytes = 2 * kMiB;  // allocator, log, configuration
 constexpr std::size_t kCameraFrames = 8;         // the runtime's and the driver's
-constexpr std::size_t kMostArenaBytes = std::size_t{1} << 32;
+constexpr std::uint64_t kMostArenaBytes = std::uint64_t{1} << 32;
 constexpr std::size_t kProgramBytes = 16 * kMiB;  // pages of the program and its libraries
 
 void add(MemoryLedger& ledger, std::string_view component, std::size_t count, std::size_t bytes) {

@@ -3,6 +3,7 @@
 
 #include <sys/mman.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 #include <string>
@@ -13,6 +14,10 @@ namespace maplet {
 
 namespace {
 
+// A 32-bit process has 2 to 4 GiB in all, and more than one arena.
+constexpr std::uint64_t kMostReserved =
+    sizeof(void*) == 8 ? std::uint64_t{1} << 47 : std::uint64_t{1} << 28;
+
 [[noreturn]] void die(const char* what, std::string_view component) noexcept {
   std::fprintf(stderr, "mapletd: bug: %s (arena, component %.*s)\n", what,
                static_cast<int>(component.size()), component.data());
@@ -21,8 +26,9 @@ namespace {
 
 }  // namespace
 
-Arena::Arena(std::size_t reserve_bytes) : base_{nullptr}, reserved_{reserve_bytes} {
-  void* block = mmap(nullptr, reserve_bytes, PROT_READ | PROT_WRITE,
+Arena::Arena(std::uint64_t reserve_bytes)
+    : base_{nullptr}, reserved_{static_cast<std::size_t>(std::min(reserve_bytes, kMostReserved))} {
+  void* block = mmap(nullptr, reserved_, PROT_READ | PROT_WRITE,
                      MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
   if (block == MAP_FAILED) throw std::bad_alloc{};
   base_ = static_cast<std::byte*>(block);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <new>
 #include <span>
@@ -24,11 +25,12 @@ struct ArenaEntry {
 /// Reserves address space, hands it out while the stages are built, and is sealed afterwards: from
 /// then on nothing grows. Running out throws ArenaExhausted; asking after the seal terminates.
 ///
-/// Memory   `reserve_bytes` of address space; only what is handed out is ever touched.
+/// Memory   `reserve_bytes` of address space, on 32-bit processors 256 MiB at most; only what is
+///          handed out is ever touched.
 /// Threads  build on one thread; the storage belongs to whoever asked for it.
 class Arena {
  public:
-  explicit Arena(std::size_t reserve_bytes = std::size_t{1} << 32);
+  explicit Arena(std::uint64_t reserve_bytes = std::uint64_t{1} << 32);
   ~Arena();
   Arena(const Arena&) = delete;
   Arena& operator=(const Arena&) = delete;

@@ -199,7 +199,7 @@ class Camera(daemon.DaemonTest):
         maplets = self.maplets()
         self.watch()
         try:
-            self.until(lambda: self.read_frames() >= 75 * len(KINDS),
+            self.until(lambda: self.read_frames() >= 75 * (len(KINDS) + 1),
                        2 * daemon.PATIENCE_S)
         finally:
             self.stop_watching()

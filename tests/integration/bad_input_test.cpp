@@ -84,7 +84,7 @@ TEST(BadInput, WhatIsWrongWithTheCommandIsSaidPlainly) {
       {{"mapletctl", "closure", "bogus"}, "there is no command 'bogus'"},
       {{"mapletctl", "solve", "x.g2o", "--budget-us", "-3"}, "-3 is not a number above 0"},
       {{"mapletctl", "eval", "--truth", garbage, "--estimate", garbage},
-       "garbage:1: '?[31m???' is no time in seconds"}};
+       "garbage:1: '?[31m\?\?\?' is no time in seconds"}};
   for (const auto& [command, said] : cases) {
     const Finished done = run(command);
     EXPECT_NE(done.exit_code, 0);

@@ -157,7 +157,9 @@ void print_maplets(const Json& maplets) {
     fmt::print("{}  in the map of {}  at {:8.3f} {:8.3f} {:8.3f} m{}\n", maplet_name(m),
                maplet_name(m["map"]), pose[0].get<double>(), pose[1].get<double>(),
                pose[2].get<double>(),
-               m["bytes"].get<long>() > 0 ? fmt::format("  {} bytes", m["bytes"].get<long>()) : "");
+               m["bytes"].get<std::int64_t>() > 0
+                   ? fmt::format("  {} bytes", m["bytes"].get<std::int64_t>())
+                   : "");
   }
 }
 

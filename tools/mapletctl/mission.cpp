@@ -77,9 +77,9 @@ void list(const Options& options) {
     return;
   }
   fmt::print("agent {} epoch {}: {} maplets, {} delta-poses, {} closures, {} records of others\n",
-             mission.life().agent, mission.life().epoch, json["maplets"].get<long>(),
-             json["records"]["delta_poses"].get<long>(), json["records"]["closures"].get<long>(),
-             json["heard"].get<long>());
+             mission.life().agent, mission.life().epoch, json["maplets"].get<std::int64_t>(),
+             json["records"]["delta_poses"].get<std::int64_t>(),
+             json["records"]["closures"].get<std::int64_t>(), json["heard"].get<std::int64_t>());
   for (const journal::Part& part : mission.parts) {
     const std::time_t at = part.started_s;
     char text[32] = "";

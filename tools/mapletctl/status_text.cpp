@@ -36,25 +36,26 @@ void print_peer(const Json& peer) {
   fmt::print("agent {:<5} heard {:.1f} s ago{}  {}  {} records  loss {:.0f} %",
              peer["agent"].get<int>(), peer["heard_s_ago"].get<double>(),
              peer["ended"].get<bool>() ? " (an ended life)" : "",
-             peer["in_sync"].get<bool>() ? "in sync" : "not in sync", peer["records"].get<long>(),
-             100.0 * peer["loss"].get<double>());
+             peer["in_sync"].get<bool>() ? "in sync" : "not in sync",
+             peer["records"].get<std::int64_t>(), 100.0 * peer["loss"].get<double>());
   const Json& held = peer["held"];
   fmt::print("  held of it: {} delta-poses, {} closures, {} maplets\n",
-             held["delta_poses"].get<long>(), held["closures"].get<long>(),
-             held["maplets"].get<long>());
+             held["delta_poses"].get<std::int64_t>(), held["closures"].get<std::int64_t>(),
+             held["maplets"].get<std::int64_t>());
 }
 
 void print_status(const Json& s) {
   fmt::print("agent {} ({:08x}): {}, up {:.0f} s\n", s["agent"].get<int>(),
              s["epoch"].get<std::uint32_t>(), s["state"].get<std::string>(),
              s["uptime_s"].get<double>());
-  fmt::print("frames    {} read, {} dropped; {}, {} lost\n", s["frames"]["read"].get<long>(),
-             s["frames"]["dropped"].get<long>(),
+  fmt::print("frames    {} read, {} dropped; {}, {} lost\n",
+             s["frames"]["read"].get<std::int64_t>(), s["frames"]["dropped"].get<std::int64_t>(),
              s["tracking"]["now"].get<bool>() ? "tracking" : "not tracking",
-             s["tracking"]["lost"].get<long>());
+             s["tracking"]["lost"].get<std::int64_t>());
   fmt::print("map       {} maplets, {} delta-poses, {} closures; skeleton {} nodes, {} factors{}\n",
-             s["maplets"].get<long>(), s["delta_poses"].get<long>(), s["closures"].get<long>(),
-             s["skeleton"]["nodes"].get<long>(), s["skeleton"]["factors"].get<long>(),
+             s["maplets"].get<std::int64_t>(), s["delta_poses"].get<std::int64_t>(),
+             s["closures"].get<std::int64_t>(), s["skeleton"]["nodes"].get<std::int64_t>(),
+             s["skeleton"]["factors"].get<std::int64_t>(),
              s["skeleton"]["settled"].get<bool>() ? ", settled" : "");
   fmt::print("memory    {:.1f} MiB arena, {:.1f} MiB in all\n",
              s["memory"]["arena_bytes"].get<double>() / 1048576.0,
@@ -65,19 +66,20 @@ void print_status(const Json& s) {
                !e["open"].get<bool>()    ? "waiting for the interface"
                : e["silent"].get<bool>() ? "silent"
                                          : "open",
-               e["listeners"].get<long>(), e["records"].get<long>(), e["missing"].get<long>(),
-               e["wire_bytes"].get<long>(), e["dds_bytes"].get<long>());
-    if (e["conflicts"].get<long>() > 0) {
+               e["listeners"].get<std::int64_t>(), e["records"].get<std::int64_t>(),
+               e["missing"].get<std::int64_t>(), e["wire_bytes"].get<std::int64_t>(),
+               e["dds_bytes"].get<std::int64_t>());
+    if (e["conflicts"].get<std::int64_t>() > 0) {
       fmt::print("          two devices call themselves agent {}: give each its own --agent\n",
                  e["conflicting_agent"].get<int>());
     }
-    if (e["lives_refused"].get<long>() > 0) {
+    if (e["lives_refused"].get<std::int64_t>() > 0) {
       fmt::print("          no room for the records of further agents: raise exchange.max_lives\n");
     }
-    if (e["datagrams"]["future"].get<long>() > 0) {
+    if (e["datagrams"]["future"].get<std::int64_t>() > 0) {
       fmt::print("          an agent speaks a newer version: update mapletd\n");
     }
-    if (e["open"].get<bool>() && e["listeners"].get<long>() == 0) {
+    if (e["open"].get<bool>() && e["listeners"].get<std::int64_t>() == 0) {
       fmt::print(
           "          nobody listens: agents need the same dds.profile, radio_domain and "
           "network (mapletctl check)\n");

@@ -51,7 +51,8 @@ void show(const Json& now, const Json& before, double elapsed_s) {
   for (const auto& [stage, time] : now["stages"].items()) {
     fmt::print("{:<14}{:9.2f}{:9.2f}{:9.2f}{:8}  {}\n", stage, time["p50_us"].get<double>() / 1e3,
                time["p99_us"].get<double>() / 1e3, time["max_us"].get<double>() / 1e3,
-               time["deadline_misses"].get<long>(), bar(time["p99_us"].get<double>() / most));
+               time["deadline_misses"].get<std::int64_t>(),
+               bar(time["p99_us"].get<double>() / most));
   }
   std::fflush(stdout);
 }

@@ -19,7 +19,7 @@ int factor_blocks(int nodes, std::span<const std::pair<int, int>> edges) {
   std::vector<int> all(static_cast<std::size_t>(nodes));
   std::iota(all.begin(), all.end(), 0);
   for (int room = 64 * nodes;; room *= 4) {
-    Arena arena{std::size_t{1} << 36};
+    Arena arena{std::uint64_t{1} << 36};
     const std::span<ColumnSlot> slots =
         arena.make_array<ColumnSlot>(static_cast<std::size_t>(room), "solve/fill");
     Ordering ordering{nodes, std::max(1, static_cast<int>(edges.size())), slots, arena};

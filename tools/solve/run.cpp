@@ -47,7 +47,7 @@ class Run {
     order_ = std::move(order.items);
     outcome_.bad_edges = order.bad_edges;
     for (const Vertex& v : file.vertices) start_.try_emplace(v.id, v.pose);
-    arena_.emplace(std::size_t{1} << 34);
+    arena_.emplace(std::uint64_t{1} << 34);
     solver_.emplace(limits_for(file, order_, order.nodes, options.max_nodes), *arena_);
     table_.emplace(*solver_, order.nodes);
     if (options.max_nodes > 0) table_->limit(*arena_);

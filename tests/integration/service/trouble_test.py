@@ -197,7 +197,7 @@ class Trouble(daemon.DaemonTest):
         self.assertEqual(self.check("--source", "tum:/nowhere")["camera"]["result"], "FAIL")
         self.assertEqual(self.check("--source", "openni2:none")["camera"]["result"], "FAIL")
         for key, name, result in (("dds.interface=nosuch0", "network", "WARN"),
-                                  ("dds.peers=nonsense", "network", "FAIL"),
+                                  ("dds.peers=nonsense", "configuration", "FAIL"),
                                   ("gpio.hold=NOSUCH", "gpio", "WARN"),
                                   ("gray_camera.source=libcamera:none", "libcamera", "WARN")):
             more = ["--set", "gray_camera.fx_px=500", "--set", "gray_camera.fy_px=500"]

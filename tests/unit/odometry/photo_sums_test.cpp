@@ -74,7 +74,9 @@ TEST(PhotoSums, FastVariantDiffersByRounding) {
     const Scene scene{seed, 1 + seed * 33};
     expect_same_sums(scene, {1.0F, 0.0F, 12.0F});
     expect_same_sums(scene, {0.6F, 15.0F, 2.0F});
-    if (seed > 2) EXPECT_GT(kPhotoBest.equations(scene.look(), scene.points, {1, 0, 9}).seen, 20);
+    if (seed > 2) {
+      EXPECT_GT(kPhotoBest.equations(scene.look(), scene.points, {1, 0, 9}).seen, 20);
+    }
   }
 }
 
