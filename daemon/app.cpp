@@ -89,8 +89,8 @@ int App::run() {
   stop_counting_allocations();
   notify_stopping();
   if (flight_.damaged()) {
-    log_warning(fmt::format("{}: damaged behind frame {}: it is replayed up to there",
-                            config_.input.source, source_counters().read));
+    log_warning(fmt::format("{}: damaged: its first {} processed frames are replayed",
+                            config_.input.source, totals_.processed));
   }
   totals_.complete = ended_well && !flight_.flag(stop_asked()) && !stop_asked();
   if (stop_asked() && output_) {

@@ -2,15 +2,19 @@
 #include "drivers/flight/flight_file.hpp"
 
 #include <fmt/format.h>
+#include <sys/stat.h>
 
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <filesystem>
 #include <utility>
 
 #include "core/base/crc.hpp"
 
 namespace maplet::flight {
+
+namespace fs = std::filesystem;
 
 namespace {
 
@@ -49,10 +53,41 @@ bool write_at(std::FILE* file, std::uint64_t at, Block type, std::uint32_t numbe
          std::fwrite(bytes.data(), 1, bytes.size(), file) == bytes.size();
 }
 
+enum class There : std::uint8_t { kNothing, kRecording, kSomethingElse };
+
+/// An empty file counts as nothing.
+There what_is_at(const std::string& path) {
+  std::error_code error;
+  if (!fs::exists(path, error)) return There::kNothing;
+  if (!fs::is_regular_file(path, error)) return There::kSomethingElse;
+  const File file{std::fopen(path.c_str(), "rbe")};
+  std::uint32_t magic = 0;
+  if (!file) return There::kSomethingElse;
+  const std::size_t read = std::fread(&magic, 1, sizeof magic, file.get());
+  if (read == 0) return There::kNothing;
+  return read == sizeof magic && magic == kMagic ? There::kRecording : There::kSomethingElse;
+}
+
+std::string not_ours(const std::string& path) {
+  return path + ": is there and is no flight recorder's file: it is not overwritten";
+}
+
+bool same_file(std::FILE* open, const std::string& path) {
+  struct stat a {};
+  struct stat b {};
+  return fstat(fileno(open), &a) == 0 && stat(path.c_str(), &b) == 0 && a.st_dev == b.st_dev &&
+         a.st_ino == b.st_ino;
+}
+
 }  // namespace
 
 tl::expected<std::unique_ptr<RingWriter>, std::string> RingWriter::make(const std::string& path,
                                                                         std::uint64_t bytes) {
+  const There there = what_is_at(path);
+  if (there == There::kSomethingElse) return tl::unexpected{not_ours(path)};
+  if (there == There::kRecording && std::rename(path.c_str(), (path + ".1").c_str()) != 0) {
+    return tl::unexpected{why(path + ".1")};
+  }
   auto writer = std::make_unique<RingWriter>();
   writer->file_.reset(std::fopen(path.c_str(), "wbe"));
   if (!writer->file_) return tl::unexpected{why(path)};
@@ -128,8 +163,11 @@ bool RingReader::read(const Entry& entry, std::vector<std::byte>& out) {
 }
 
 std::string RingReader::save(const std::string& path) {
-  const File out{std::fopen(path.c_str(), "wbe")};
-  if (!out) return why(path);
+  if (same_file(file_.get(), path)) return path + ": is the recording itself; name another file";
+  if (what_is_at(path) == There::kSomethingElse) return not_ours(path);
+  const std::string beside = path + ".part";
+  File out{std::fopen(beside.c_str(), "wbe")};
+  if (!out) return why(beside);
   std::uint64_t at = 0;
   // One number is left out where something was overwritten.
   std::uint32_t number = 0;
@@ -143,7 +181,12 @@ std::string RingReader::save(const std::string& path) {
   if (!complete_) ++number;
   std::vector<std::byte> bytes;
   for (const Entry& entry : entries_) good = good && read(entry, bytes) && put(entry.type, bytes);
-  return good && std::fflush(out.get()) == 0 ? "" : path + ": cannot be written, or damaged";
+  good = good && std::fflush(out.get()) == 0;
+  out.reset();
+  if (good && std::rename(beside.c_str(), path.c_str()) == 0) return "";
+  std::string problem = good ? why(path) : path + ": cannot be written, or damaged";
+  std::remove(beside.c_str());
+  return problem;
 }
 
 }  // namespace maplet::flight

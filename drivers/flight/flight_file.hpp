@@ -34,6 +34,8 @@ using File = std::unique_ptr<std::FILE, CloseFile>;
 /// Threads  one.
 class RingWriter {
  public:
+  /// An earlier recording of that name becomes NAME.1: what was before a crash stays. Any other
+  /// file is left alone.
   /// @return why it cannot be made, on one line
   [[nodiscard]] static tl::expected<std::unique_ptr<RingWriter>, std::string> make(
       const std::string& path, std::uint64_t bytes);
@@ -71,7 +73,8 @@ class RingReader {
   }
   /// @return false: damaged
   [[nodiscard]] bool read(const Entry& entry, std::vector<std::byte>& out);
-  /// Writes the blocks that are there, in order, without what was overwritten.
+  /// Writes the blocks that are there, in order, without what was overwritten: beside `path` first,
+  /// so that what was there stays until all is written. Takes the place of recordings only.
   /// @return why not
   [[nodiscard]] std::string save(const std::string& path);
 

@@ -116,7 +116,7 @@ class Camera(daemon.DaemonTest):
 
     def test_black_frames_lose_the_track_and_give_it_back(self):
         self.start("fault=black@150:150")  # 5 s
-        self.until(lambda: self.status()["tracking"]["lost"] > 0)
+        self.until(lambda: self.read_frames() >= 150 and self.status()["tracking"]["lost"] > 0)
         maplets = self.maplets()
         self.assertGreater(len(maplets), -1 if SANITIZED else 0)
         self.until(lambda: self.read_frames() >= 305)

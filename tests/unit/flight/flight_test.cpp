@@ -1,6 +1,8 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
+#include <filesystem>
+#include <fstream>
 #include <random>
 
 #include "drivers/flight/depth_code.hpp"
@@ -81,6 +83,31 @@ TEST(FlightFile, TheNewestBlocksStay) {
   auto again = RingReader::open(saved);
   ASSERT_TRUE(again);
   EXPECT_FALSE((*again)->complete());
+}
+
+TEST(FlightFile, NothingElseIsOverwrittenAndTheLastRunStays) {
+  const TempDir folder;
+  const std::string path = (folder.path() / "ring").string();
+  const auto record = [&](std::size_t bytes) {
+    auto ring = RingWriter::make(path, 1 << 20);
+    ASSERT_TRUE(ring) << ring.error();
+    ASSERT_TRUE((*ring)->put(Block::kHead, block(0, bytes)));
+  };
+  record(10);
+  record(20);
+  EXPECT_EQ((*RingReader::open(path + ".1"))->head().size(), 10U);
+  auto reader = RingReader::open(path);
+  ASSERT_TRUE(reader);
+  EXPECT_EQ((*reader)->head().size(), 20U);
+  EXPECT_NE((*reader)->save(path).find("the recording itself"), std::string::npos);
+  const std::string journal = (folder.path() / "mission.journal").string();
+  std::ofstream{journal} << "precious";
+  EXPECT_NE((*reader)->save(journal).find("not overwritten"), std::string::npos);
+  EXPECT_FALSE(RingWriter::make(journal, 1 << 20));
+  EXPECT_EQ(std::filesystem::file_size(journal), 8U);
+  EXPECT_EQ((*reader)->save(path + ".1"), "");
+  EXPECT_EQ((*RingReader::open(path + ".1"))->head().size(), 20U);
+  EXPECT_FALSE(std::filesystem::exists(path + ".1.part"));
 }
 
 TEST(FlightFile, AWholeRunIsComplete) {
