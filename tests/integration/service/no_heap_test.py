@@ -40,9 +40,10 @@ class NoHeap(unittest.TestCase):
                                                 "memory")}, flush=True)
             skeleton = report["skeleton"]
             self.assertGreater(report["exchange"]["received"], 0)
-            self.assertGreater(report["delta_poses"]["closures"], 0)
             self.assertGreater(skeleton["condensed"] + skeleton["dropped"] +
                                skeleton["nodes_full"] + skeleton["factors_full"], 0)
+        # Who of the two finds them depends on who is faster.
+        self.assertGreater(sum(r["delta_poses"]["closures"] for r in reports), 0)
         self.assertGreater(reports[0]["frames"]["unreadable"], 0)
         self.assertGreater(reports[1]["frames"]["processed"], 1500)  # minutes at 10 Hz
         if "MAPLET_SANITIZED" not in os.environ:  # there nobody counts
