@@ -7,7 +7,6 @@ namespace maplet {
 
 namespace {
 
-constexpr Duration kStragglers = std::chrono::seconds{5};  // still on their way when a life ended
 constexpr std::uint16_t kMostLost = 1000;  // a larger gap is a restart of the count, not loss
 constexpr Duration kClockAge = std::chrono::seconds{60};
 

@@ -11,6 +11,9 @@
 
 namespace maplet {
 
+/// What was still on its way when a life ended comes within this.
+inline constexpr Duration kStragglers = std::chrono::seconds{5};
+
 /// One life of another agent, as heard on the link.
 struct Peer {
   Life life;

@@ -8,7 +8,6 @@ namespace maplet {
 namespace {
 
 constexpr Duration kSilence = std::chrono::seconds{6};  // after it a peer is heard "again"
-constexpr Duration kStragglers = std::chrono::seconds{5};
 constexpr Duration kSoon = std::chrono::milliseconds{50};
 
 bool touch(const KeyRange& a, const KeyRange& b) noexcept {
