@@ -15,7 +15,8 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr Duration kSnapshots = 10min;
-constexpr Duration kPieces = 1min;                // of one: each takes up to 5.6 KB
+constexpr Duration kPieces = 45s;                 // of one
+constexpr std::size_t kPieceNodes = 48;           // with the turn's head it fits a page
 constexpr std::size_t kSnapshotAtEnd = 8 * 1024;  // bytes: a larger one is left as it was
 
 }  // namespace
@@ -74,7 +75,7 @@ std::int64_t App::wall_clock_s() {
       .count();
 }
 
-// A piece a minute: a snapshot costs no more than what may be written while nothing is found out.
+// A piece at a time: a snapshot costs no more than what may be written while nothing is found out.
 void App::note_skeleton(bool all) {
   if (!journal_) return;
   const Skeleton& skeleton = agent_->skeleton();
@@ -94,7 +95,8 @@ void App::note_skeleton(bool all) {
   }
   piece_at_ = now;
   do {
-    std::array<journal::NodePose, journal::Poses::kMost> poses;
+    static_assert(kPieceNodes <= journal::Poses::kMost);
+    std::array<journal::NodePose, kPieceNodes> poses;
     std::size_t count = 0;
     const bool first = snapshot_next_ == 0;
     for (; count < poses.size() && snapshot_next_ < skeleton.node_count(); ++count) {

@@ -21,8 +21,6 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr Duration kNap = 20ms;
-constexpr Duration kRetry = 2s;
-constexpr Duration kLooks = 2s;  // for the file's name
 
 }  // namespace
 
@@ -220,21 +218,8 @@ void JournalWriter::loop() noexcept {
   }
 }
 
-void JournalWriter::look_for_file(Instant now) noexcept {
-  if (removed_ || now < look_at_) return;
-  look_at_ = now + kLooks;
-  removed_ = file_.removed();
-  if (!removed_) return;
-  good_ = true;  // nobody waits for it
-  const ThirdPartyScope rare;
-  log_error(
-      "the journal's file was removed: the mission goes on in memory; the next start begins "
-      "another "
-      "one");
-}
-
 void JournalWriter::write(Instant now) noexcept {
-  if (file_.removed()) look_at_ = now;
+  look_at_ = now;
   look_for_file(now);
   if (removed_) {  // the next start has another epoch: these numbers are never given again
     say(turn_.payload());
@@ -254,7 +239,7 @@ void JournalWriter::write(Instant now) noexcept {
     const std::scoped_lock lock{mutex_};
     status_.record_bytes += std::exchange(news_, 0);
     ++status_.flushes;
-    status_.flushed = safe_ends_;
+    status_.flushed = acknowledged();
   }
   say(payload);  // the turn is empty, its bytes are still there
 }
@@ -264,41 +249,6 @@ void JournalWriter::say(std::span<const std::byte> payload) noexcept {
   if (radio_ == nullptr) return;
   Air air{*radio_, self_, stop_};
   (void)journal::read_items(payload, self_, air);
-}
-
-void JournalWriter::refused(Instant now) noexcept {
-  if (good_) {
-    const ThirdPartyScope rare;  // text
-    log_warning(
-        fmt::format("the journal cannot be written ({}): own records wait, off the air, and "
-                    "it is tried again",
-                    std::strerror(file_.error())));
-  }
-  good_ = false;
-  retry_at_ = now + kRetry;
-}
-
-void JournalWriter::note() noexcept {
-  const bool given_up = given_up_;
-  const std::scoped_lock lock{mutex_};
-  if (given_up && status_.state != JournalStatus::State::kGivenUp) {
-    const ThirdPartyScope rare;
-    log_error(
-        "the journal is given up: too much waits for the disk; the mission goes on in memory, and "
-        "what is found out from now on stays off the air until a restart");
-  }
-  status_.state = removed_   ? JournalStatus::State::kRemoved
-                  : given_up ? JournalStatus::State::kGivenUp
-                  : good_    ? JournalStatus::State::kOn
-                             : JournalStatus::State::kWaiting;
-  status_.error = removed_ ? ENOENT : good_ ? 0 : file_.error();
-  status_.flushed = removed_ ? decltype(safe_ends_){} : safe_ends_;
-  status_.written_bytes = store_.bytes_written();
-  status_.carried_bytes = store_.bytes_carried();
-  status_.generation = store_.generation();
-  status_.waiting_bytes = queue_.read_available() + turn_.payload_bytes();
-  status_.held_back = held_back_;
-  status_.heard_dropped = heard_dropped_;
 }
 
 bool JournalWriter::drain(Duration patience) noexcept {
@@ -317,11 +267,6 @@ bool JournalWriter::drain(Duration patience) noexcept {
 
 void JournalWriter::wait_for_room() const noexcept {
   while (!given_up_ && queue_.write_available() < capacity_ / 2) std::this_thread::sleep_for(1ms);
-}
-
-JournalStatus JournalWriter::status() const {
-  const std::scoped_lock lock{mutex_};
-  return status_;
 }
 
 }  // namespace maplet::daemon

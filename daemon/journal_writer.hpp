@@ -26,6 +26,7 @@ struct JournalStatus {
     kWaiting,  ///< the disk refuses: tried again, records wait
     kGivenUp,  ///< too much waits: the mission goes on in memory
     kRemoved,  ///< somebody removed the file: the same, and a later start begins another mission
+    kMoved,    ///< somebody moved it: it is written where it is, a later start does not find it
   };
   State state = State::kOff;
   int error = 0;                                  ///< errno of the last refusal
@@ -109,6 +110,10 @@ class JournalWriter {
   void look_for_file(Instant now) noexcept;
   void say(std::span<const std::byte> payload) noexcept;
   void note() noexcept;
+  /// What a later start finds.
+  [[nodiscard]] std::array<std::uint32_t, kStreams> acknowledged() const noexcept {
+    return removed_ || moved_ ? std::array<std::uint32_t, kStreams>{} : safe_ends_;
+  }
 
   journal::BlockFile& file_;
   Life self_;
@@ -129,7 +134,9 @@ class JournalWriter {
   Instant retry_at_{};
   std::uint64_t news_ = 0;  ///< bytes of the turn that are records or maplets
   Instant look_at_{};
+  bool said_given_up_ = false;
   bool removed_ = false;  ///< nothing is written any more, and nothing has to wait for it
+  bool moved_ = false;    ///< written as before, but no later start finds it
   bool good_ = true;      ///< the disk took the last turn
 
   std::atomic<bool> given_up_{false};

@@ -40,8 +40,9 @@ Pace pace_of(const Options& options, const Config& config) {
 std::uint32_t epoch_of(const Options& options, const Config& config, const StateDirectory& state) {
   const bool goes_on = state.holds_mission() && state.mode() == StateDirectory::Mode::kJournal;
   if (goes_on) return state.survey().life.epoch;
-  if (state.holds_mission() || pace_of(options, config) != Pace::kFast)
-    return std::random_device{}();
+  // Whoever keeps missions may have had others, of which nothing is left here.
+  const bool keeps = state.mode() != StateDirectory::Mode::kNone;
+  if (keeps || pace_of(options, config) != Pace::kFast) return std::random_device{}();
   Config content = config;  // without where the source lies and where the records go
   content.input.source.clear();
   content.dds = {};

@@ -13,6 +13,7 @@
 #include <filesystem>
 #include <utility>
 
+#include "daemon/clear_mission.hpp"
 #include "daemon/journal/format.hpp"
 
 namespace maplet::daemon {
@@ -23,8 +24,7 @@ using journal::Survey;
 
 namespace {
 
-constexpr const char* kImportSuffix = ".imported";
-constexpr const char* kClearMark = "clear-at-start";
+constexpr int kMostDamaged = 9;  // stores that were set aside
 
 std::string newer_version(const std::string& file) {
   return fmt::format(
@@ -75,42 +75,6 @@ tl::expected<Survey, std::string> open_mission(const std::string& path, PosixFil
   return survey;
 }
 
-namespace {
-
-void remove_mission(const std::string& folder) {
-  std::error_code error;
-  std::vector<fs::path> files;
-  for (const auto& entry : fs::directory_iterator{folder, error}) {
-    const fs::path name = entry.path().filename();
-    if (name == kMissionFile || name == kClearMark || name.extension() == kImportSuffix)
-      files.push_back(entry.path());
-  }
-  // The mark last: a power cut in between, and the next start goes on removing.
-  std::ranges::sort(files, [](const fs::path& a, const fs::path& b) {
-    return (a.filename() != kClearMark) > (b.filename() != kClearMark);
-  });
-  for (const fs::path& file : files) {
-    if (file.filename() == kClearMark) (void)journal::flush_folder(folder);
-    if (!error) fs::remove(file, error);
-  }
-  (void)journal::flush_folder(folder);
-}
-
-}  // namespace
-
-bool clear_mission(const std::string& folder) {
-  // The mark first: whatever happens next, the mission is over.
-  const int mark =
-      ::open((folder + "/" + kClearMark).c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0640);
-  if (mark >= 0) close(mark);
-  (void)journal::flush_folder(folder);
-  const int fd = ::open((folder + "/lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0640);
-  const bool ours = fd >= 0 && flock(fd, LOCK_EX | LOCK_NB) == 0;
-  if (ours) remove_mission(folder);
-  if (fd >= 0) close(fd);
-  return ours;
-}
-
 StateDirectory::StateDirectory(StateDirectory&& other) noexcept
     : mode_{other.mode_},
       path_{std::move(other.path_)},
@@ -120,7 +84,8 @@ StateDirectory::StateDirectory(StateDirectory&& other) noexcept
       survey_{other.survey_},
       took_{other.took_},
       said_{std::move(other.said_)},
-      imported_{std::move(other.imported_)} {}
+      imported_{std::move(other.imported_)},
+      problem_{std::move(other.problem_)} {}
 
 StateDirectory& StateDirectory::operator=(StateDirectory&& other) noexcept {
   std::swap(mode_, other.mode_);
@@ -132,6 +97,7 @@ StateDirectory& StateDirectory::operator=(StateDirectory&& other) noexcept {
   std::swap(took_, other.took_);
   std::swap(said_, other.said_);
   std::swap(imported_, other.imported_);
+  std::swap(problem_, other.problem_);
   return *this;
 }
 
@@ -141,29 +107,35 @@ StateDirectory::~StateDirectory() {
 
 void StateDirectory::fall_back(Mode mode, const std::string& why) {
   mode_ = mode;
+  problem_ = why;
   said_.push_back(fmt::format("--state {}: {}; the mission goes on in memory", path_, why));
 }
 
 bool StateDirectory::lock() {
-  const std::string file = path_ + "/lock";
-  lock_fd_ = ::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0640);
+  const std::string file = path_ + "/" + kLockFile;
+  lock_fd_ = ::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK, 0640);
   if (lock_fd_ < 0) {
     error_ = errno;
     return true;  // a folder that nobody can write
   }
-  if (flock(lock_fd_, LOCK_EX | LOCK_NB) != 0) return false;
+  if (flock(lock_fd_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) return false;
+  // Somebody may have removed the lock of a daemon that runs: the mission itself is claimed, too.
+  if (journal::is_claimed(path_ + "/" + kMissionFile)) return false;
   const std::string pid = std::to_string(getpid()) + "\n";
   if (ftruncate(lock_fd_, 0) != 0 || write(lock_fd_, pid.data(), pid.size()) < 0) error_ = errno;
   return true;
 }
 
 void StateDirectory::clear_if_asked() {
-  if (lock_fd_ >= 0 && fs::exists(path_ + "/" + kClearMark)) remove_mission(path_);
+  if (lock_fd_ < 0 || !clear_is_asked(path_)) return;
+  if (const std::string problem = remove_mission(path_); !problem.empty())
+    said_.push_back(fmt::format("--state {}: not cleared: {}", path_, problem));
 }
 
 bool StateDirectory::open_file(bool write) {
   file_ = std::make_unique<PosixFile>();
   error_ = file_->open(path_ + "/" + kMissionFile, write);
+  if (error_ == 0 && write && !file_->claim()) error_ = EBUSY;
   if (error_ != 0) file_.reset();
   return error_ == 0;
 }
@@ -191,15 +163,21 @@ tl::expected<void, StateDirectory::Refusal> StateDirectory::look(std::uint16_t a
   return {};
 }
 
+// What was set aside earlier stays: the first is the one with the most in it.
 void StateDirectory::set_aside() {
   const std::string file = path_ + "/" + kMissionFile;
+  std::string aside = file + ".damaged";
+  for (int i = 2; i <= kMostDamaged && fs::exists(fs::symlink_status(aside)); ++i)
+    aside = fmt::format("{}.damaged.{}", file, i);
   file_.reset();
   std::error_code error;
-  fs::rename(file, file + ".damaged", error);
-  said_.push_back(
-      fmt::format("{}: no turn of it can be read: it is now {}.damaged, and a new "
-                  "mission begins",
-                  file, file));
+  fs::rename(file, aside, error);
+  if (error) {
+    error_ = error.value();
+    return;
+  }
+  said_.push_back(fmt::format(
+      "{}: no turn of it can be read: it is now {}, and a new mission begins", file, aside));
   (void)open_file(true);
 }
 
@@ -231,6 +209,18 @@ void StateDirectory::list_imported() {
   std::ranges::sort(imported_);
 }
 
+namespace {
+
+tl::unexpected<StateDirectory::Refusal> in_use(const std::string& path) {
+  return tl::unexpected{StateDirectory::Refusal{
+      fmt::format("--state {}: another mapletd works with it: stop that one, or give another "
+                  "--state",
+                  path),
+      false}};
+}
+
+}  // namespace
+
 tl::expected<StateDirectory, StateDirectory::Refusal> StateDirectory::open(const std::string& path,
                                                                            std::uint16_t agent,
                                                                            std::uint64_t bytes) {
@@ -242,32 +232,30 @@ tl::expected<StateDirectory, StateDirectory::Refusal> StateDirectory::open(const
     state.fall_back(Mode::kMemory, error.message());
     return state;
   }
-  if (!state.lock()) {
-    return tl::unexpected{Refusal{
-        fmt::format("--state {}: another mapletd works with it: stop that one, or give another "
-                    "--state",
-                    path),
-        false}};
-  }
+  if (!state.lock()) return in_use(path);
   state.clear_if_asked();
   state.list_imported();
   const int no_lock = state.lock_fd_ < 0 ? state.error_ : 0;
   const bool writable = no_lock == 0 && state.open_file(true);
-  const int why = no_lock != 0 ? no_lock : state.error_;
+  const std::string why = no_lock != 0
+                              ? fmt::format("{}: {}", kLockFile, std::strerror(no_lock))
+                              : fmt::format("{}: {}", kMissionFile, std::strerror(state.error_));
+  if (no_lock == 0 && !writable && state.error_ == EBUSY) return in_use(path);
   if (!writable && !state.open_file(false)) {
-    state.fall_back(Mode::kMemory, std::strerror(why));
+    state.fall_back(Mode::kMemory, why);
     return state;
   }
   if (const auto looked = state.look(agent); !looked) return tl::unexpected{looked.error()};
   if (!writable) {
-    state.fall_back(Mode::kReadOnly, std::strerror(why));
+    state.fall_back(Mode::kReadOnly, why);
     return state;
   }
   if (!state.holds_mission() && holds_anything(*state.file_)) state.set_aside();
   if (state.file_) {
     state.make_room(bytes);
   } else {
-    state.fall_back(Mode::kMemory, std::strerror(state.error_));
+    state.fall_back(Mode::kMemory,
+                    fmt::format("{}: {}", kMissionFile, std::strerror(state.error_)));
   }
   return state;
 }

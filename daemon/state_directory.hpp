@@ -14,6 +14,8 @@
 namespace maplet::daemon {
 
 inline constexpr const char* kMissionFile = "mission.journal";
+inline constexpr const char* kLockFile = "lock";
+inline constexpr const char* kImportSuffix = ".imported";
 
 /// A daemon's folder on disk, and the mission in it: who may write it, and what is there.
 ///
@@ -45,6 +47,8 @@ class StateDirectory {
   [[nodiscard]] const std::string& path() const noexcept { return path_; }
   /// Why it is not ours to write; what damage was found. One line each.
   [[nodiscard]] const std::vector<std::string>& said() const noexcept { return said_; }
+  /// Why there is no journal although a folder was given; empty: there is one.
+  [[nodiscard]] const std::string& problem() const noexcept { return problem_; }
   [[nodiscard]] const journal::Survey& survey() const noexcept { return survey_; }
   [[nodiscard]] bool holds_mission() const noexcept {
     return survey_.state == journal::Survey::State::kGood;
@@ -77,6 +81,7 @@ class StateDirectory {
   Duration took_{};
   std::vector<std::string> said_;
   std::vector<std::string> imported_;
+  std::string problem_;
 };
 
 /// What a person is told of damage; empty: there is none.
@@ -85,9 +90,5 @@ class StateDirectory {
 /// The mission in a file, for reading only. @return why there is none
 [[nodiscard]] tl::expected<journal::Survey, std::string> open_mission(const std::string& file,
                                                                       journal::PosixFile& out);
-
-/// Removes the mission's files: now, or at the next start where a daemon works with them.
-/// @return whether it is done
-bool clear_mission(const std::string& folder);
 
 }  // namespace maplet::daemon

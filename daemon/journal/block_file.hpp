@@ -12,6 +12,13 @@ namespace maplet::journal {
 /// Threads  one caller.
 class BlockFile {
  public:
+  /// Whether a later start will find what is written.
+  enum class Place : std::uint8_t {
+    kThere,
+    kElsewhere,  ///< moved, or another file has its name: it is kept where it is now
+    kRemoved,    ///< for good
+  };
+
   virtual ~BlockFile() = default;
 
   /// @return how many bytes there are at `at`, at most out.size(); fewer at the end, or where the
@@ -22,8 +29,7 @@ class BlockFile {
   /// @return whether everything written before survives a power cut now
   [[nodiscard]] virtual bool flush() noexcept = 0;
   [[nodiscard]] virtual std::uint64_t size() noexcept = 0;
-  /// The file was removed: writing goes on, but no later start will find what is written.
-  [[nodiscard]] virtual bool removed() noexcept { return false; }
+  [[nodiscard]] virtual Place place() noexcept { return Place::kThere; }
   /// errno of the last write or flush that failed.
   [[nodiscard]] virtual int error() const noexcept { return 0; }
 };

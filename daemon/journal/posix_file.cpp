@@ -2,10 +2,12 @@
 #include "daemon/journal/posix_file.hpp"
 
 #include <fcntl.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
+#include <utility>
 
 namespace maplet::journal {
 
@@ -14,8 +16,24 @@ PosixFile::~PosixFile() {
 }
 
 int PosixFile::open(const std::string& path, bool write) noexcept {
-  fd_ = ::open(path.c_str(), write ? O_RDWR | O_CREAT | O_CLOEXEC : O_RDONLY | O_CLOEXEC, 0640);
-  return fd_ >= 0 ? 0 : errno;
+  // A pipe of that name must not hold anybody up.
+  const int how = O_CLOEXEC | O_NONBLOCK | O_NOCTTY | (write ? O_RDWR | O_CREAT : O_RDONLY);
+  fd_ = ::open(path.c_str(), how, 0640);
+  if (fd_ < 0) return errno;
+  path_ = path;
+  struct stat state {};
+  if (fstat(fd_, &state) == 0 && S_ISREG(state.st_mode)) return 0;
+  close(std::exchange(fd_, -1));
+  return S_ISDIR(state.st_mode) ? EISDIR : ESPIPE;
+}
+
+bool PosixFile::claim() noexcept {
+  return flock(fd_, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK;
+}
+
+bool is_claimed(const std::string& path) noexcept {
+  PosixFile file;
+  return file.open(path, false) == 0 && !file.claim();
 }
 
 int PosixFile::reserve(std::uint64_t bytes) noexcept {
@@ -67,9 +85,15 @@ std::uint64_t PosixFile::size() noexcept {
   return fstat(fd_, &state) == 0 ? static_cast<std::uint64_t>(state.st_size) : 0;
 }
 
-bool PosixFile::removed() noexcept {
-  struct stat state {};
-  return fstat(fd_, &state) == 0 && state.st_nlink == 0;
+BlockFile::Place PosixFile::place() noexcept {
+  struct stat ours {};
+  struct stat named {};
+  if (fstat(fd_, &ours) != 0) return Place::kThere;  // a disk in trouble says nothing of names
+  if (ours.st_nlink == 0) return Place::kRemoved;
+  if (stat(path_.c_str(), &named) != 0)
+    return errno == ENOENT || errno == ENOTDIR ? Place::kElsewhere : Place::kThere;
+  const bool same = ours.st_dev == named.st_dev && ours.st_ino == named.st_ino;
+  return same ? Place::kThere : Place::kElsewhere;
 }
 
 bool flush_folder(const std::string& folder) noexcept {

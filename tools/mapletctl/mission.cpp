@@ -7,6 +7,7 @@
 #include <chrono>
 #include <filesystem>
 
+#include "daemon/clear_mission.hpp"
 #include "daemon/state_directory.hpp"
 #include "tools/files/ply.hpp"
 #include "tools/files/run_folder.hpp"
@@ -69,8 +70,10 @@ Json list_json(const files::Mission& m) {
 
 void list(const Options& options) {
   Json answer;
-  const files::Mission mission = files::read_mission(folder_of(options, answer));
+  const std::string folder = folder_of(options, answer);
+  const files::Mission mission = files::read_mission(folder);
   Json json = list_json(mission);
+  json["clear_at_start"] = daemon::clear_is_asked(folder);
   if (!answer.is_null()) json["flushed"] = answer["flushed"];
   if (options.json) {
     fmt::print("{}\n", json.dump());
@@ -88,6 +91,8 @@ void list(const Options& options) {
   }
   const std::string damage = json["damage"];
   if (!damage.empty()) fmt::print("  damage: {}\n", damage);
+  if (json["clear_at_start"].get<bool>())
+    fmt::print("  mission clear was asked for: the next start removes all this\n");
 }
 
 void export_to(const Options& options) {
@@ -135,7 +140,9 @@ void clear(const Options& options) {
   Json answer;
   const std::string folder = folder_of(options, answer);
   if (!fs::is_directory(folder)) throw Failure{folder + ": no such folder"};
-  const bool now = daemon::clear_mission(folder);
+  const auto cleared = daemon::clear_mission(folder);
+  if (!cleared) throw Failure{cleared.error()};
+  const bool now = *cleared == daemon::Cleared::kNow;
   if (options.json) {
     fmt::print("{}\n", Json{{"cleared", now ? "now" : "at_next_start"}}.dump());
   } else {

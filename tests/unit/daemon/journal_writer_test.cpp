@@ -37,12 +37,12 @@ class Disk final : public journal::BlockFile {
   }
   std::uint64_t size() noexcept override { return file.size(); }
   int error() const noexcept override { return broken ? EIO : 0; }
-  bool removed() noexcept override { return gone; }
+  Place place() noexcept override { return where; }
 
   ModelFile file{2 * kHalfPages * journal::kPageBytes};
   std::atomic<bool> stalls{false};
   std::atomic<bool> broken{false};
-  std::atomic<bool> gone{false};
+  std::atomic<Place> where{Place::kThere};
 };
 
 journal::Survey fresh() {
@@ -135,7 +135,7 @@ TEST(JournalWriter, ARemovedFileIsSaidAndHoldsNothingBack) {
   f.put(0);
   ASSERT_TRUE(f.writer.drain(5s));
   EXPECT_EQ(f.writer.status().flushed[0], 1U);
-  f.disk.gone = true;
+  f.disk.where = journal::BlockFile::Place::kRemoved;
   for (std::uint32_t i = 1; i < 200; ++i) {  // more than the queue holds
     f.put(i);
     if (i % 20 == 0) std::this_thread::sleep_for(60ms);
@@ -146,6 +146,23 @@ TEST(JournalWriter, ARemovedFileIsSaidAndHoldsNothingBack) {
   EXPECT_EQ(status.flushed[0], 0U);  // nobody finds it again
   EXPECT_EQ(status.error, ENOENT);
   EXPECT_EQ(contents_of(f.disk.file).deltas.size(), 1U);
+}
+
+TEST(JournalWriter, AMovedFileIsWrittenAndAcknowledgesNothingUntilItIsBack) {
+  Fixture f;
+  f.put(0);
+  ASSERT_TRUE(f.writer.drain(5s));
+  f.disk.where = journal::BlockFile::Place::kElsewhere;
+  for (std::uint32_t i = 1; i < 10; ++i) f.put(i);
+  ASSERT_TRUE(f.writer.drain(5s));
+  EXPECT_EQ(f.writer.status().state, JournalStatus::State::kMoved);
+  EXPECT_EQ(f.writer.status().flushed[0], 0U);
+  EXPECT_EQ(contents_of(f.disk.file).deltas.size(), 10U);
+  f.disk.where = journal::BlockFile::Place::kThere;
+  f.put(10);
+  ASSERT_TRUE(f.writer.drain(5s));
+  EXPECT_EQ(f.writer.status().state, JournalStatus::State::kOn);
+  EXPECT_EQ(f.writer.status().flushed[0], 11U);
 }
 
 TEST(JournalWriter, ABrokenDiskIsTriedAgainAndLosesNothing) {
