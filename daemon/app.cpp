@@ -84,8 +84,10 @@ int App::run() {
   start_counting_allocations();
   notify_ready();
   const bool ended_well = loop();
-  flight_.note_stop(source_counters());
-  flight_.replayed_stop(gone_);
+  SourceCounters counted = source_counters();
+  flight_.note_stop(counted);
+  flight_.replayed_stop(counted);
+  counted_ = counted;  // what the camera brings while the run ends is no part of it
   stop_counting_allocations();
   notify_stopping();
   if (flight_.damaged()) {

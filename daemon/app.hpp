@@ -176,7 +176,8 @@ class App {
   FewLines warnings_;  ///< written by the housekeeping thread
   Line said_;
   Line gray_said_;
-  SourceCounters gone_;  ///< of sources that were closed
+  SourceCounters gone_;                    ///< of sources that were closed
+  std::optional<SourceCounters> counted_;  ///< at the end of the loop
   std::array<std::byte, kMaxMapletBytes> maplet_bytes_{};
   std::unique_ptr<Supervisor> supervisor_;  ///< looks at much of the above: ends first
 };

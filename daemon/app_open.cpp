@@ -11,6 +11,7 @@
 #include "daemon/configure.hpp"
 #include "daemon/gray_setup.hpp"
 #include "daemon/log.hpp"
+#include "daemon/private_tmp.hpp"
 #include "daemon/run_setup.hpp"
 #include "daemon/service_notify.hpp"
 #include "daemon/signals.hpp"
@@ -66,6 +67,12 @@ bool App::open_recorder() {
   if (!writer) {
     log_error("recorder.file: " + writer.error());
     return false;
+  }
+  if (const std::string tmp = private_tmp_of(config_.recorder.file); !tmp.empty()) {
+    log_warning(
+        "recorder.file: " + tmp +
+        " is this service's own (systemd's PrivateTmp) and goes with it; mapletctl recorder "
+        "save copies what is recorded elsewhere");
   }
   // A run at its own pace waits for the recorder's disk; others never do.
   flight_.record(std::move(*writer), pace_ == Pace::kFast, pixels);
@@ -133,6 +140,7 @@ bool App::has_room_for(const DepthSource& source) const {
 }
 
 SourceCounters App::source_counters() const {
+  if (counted_) return *counted_;
   SourceCounters sum = gone_;
   const SourceCounters now = source_ ? source_->counters() : SourceCounters{};
   sum.read += now.read;

@@ -7,6 +7,9 @@
 namespace maplet::daemon {
 
 tl::expected<Config, ConfigError> configure(const Options& options) {
+  if (!options.source.empty()) {
+    if (const auto uri = check_source(options.source); !uri) return tl::unexpected{uri.error()};
+  }
   auto config = options.config_file.empty() ? tl::expected<Config, ConfigError>{Config{}}
                                             : load_config(options.config_file);
   if (is_record(options.source) && options.config_file.empty())
@@ -16,7 +19,7 @@ tl::expected<Config, ConfigError> configure(const Options& options) {
     if (const auto set = set_key(*config, assignment); !set) return tl::unexpected{set.error()};
   }
   if (config && !options.source.empty()) config->input.source = options.source;
-  if (config && !config->input.source.empty()) {
+  if (config && options.source.empty() && !config->input.source.empty()) {
     if (const auto uri = check_source(config->input.source); !uri) {
       return tl::unexpected{uri.error()};
     }

@@ -129,6 +129,7 @@ class Console {
   [[nodiscard]] static NewClosure named(const nlohmann::ordered_json& question);
   [[nodiscard]] std::string status_text() const;  // status_text.cpp
   [[nodiscard]] std::string mission_text() const;
+  [[nodiscard]] nlohmann::ordered_json mission_json() const;
   [[nodiscard]] std::string recorder_text(const std::string& file) const;
   [[nodiscard]] std::string peers_text() const;
   [[nodiscard]] std::string why_text(int agent);

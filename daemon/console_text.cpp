@@ -4,8 +4,10 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "daemon/clear_mission.hpp"
 #include "daemon/console.hpp"
 #include "daemon/log.hpp"
+#include "daemon/private_tmp.hpp"
 #include "daemon/status_json.hpp"
 
 namespace maplet::daemon {
@@ -78,19 +80,28 @@ std::string Console::status_text() const {
   Json json = status_json(about_us_.board.read(), about_us_.memory, radio.get());
   json["agent"] = about_us_.identity.agent;  // known before the first status is
   json["epoch"] = about_us_.identity.epoch;
-  if (about_us_.journal != nullptr) json["journal"] = journal_json(about_us_.journal->status());
-  if (about_us_.state != nullptr) json["journal"]["directory"] = about_us_.state->path();
+  json["journal"] = mission_json();
+  json["recorder"] =
+      recorder_json(about_us_.flight != nullptr ? about_us_.flight->writer() : nullptr);
   if (about_us_.gpio != nullptr) json["gpio"] = gpio_json(about_us_.gpio->status());
   if (about_us_.gray != nullptr) json["gray_camera"] = gray_json(*about_us_.gray);
   return json.dump();
 }
 
+nlohmann::ordered_json Console::mission_json() const {
+  const StateDirectory* state = about_us_.state;
+  Json json =
+      journal_json(about_us_.journal != nullptr ? about_us_.journal->status() : JournalStatus{});
+  if (about_us_.journal == nullptr) json["problem"] = state != nullptr ? state->problem() : "";
+  json["directory"] = state != nullptr ? state->path() : "";
+  json["clear_at_start"] = state != nullptr && clear_is_asked(state->path());
+  return json;
+}
+
 std::string Console::mission_text() const {
-  Json json = about_us_.journal != nullptr ? journal_json(about_us_.journal->status())
-                                           : journal_json(JournalStatus{});
+  Json json = mission_json();
   json["agent"] = about_us_.identity.agent;
   json["epoch"] = about_us_.identity.epoch;
-  json["directory"] = about_us_.state != nullptr ? about_us_.state->path() : "";
   return json.dump();
 }
 
@@ -100,6 +111,13 @@ std::string Console::recorder_text(const std::string& file) const {
     return error("that mapletd records nothing: set recorder.file in its configuration").dump();
   }
   if (file.empty()) return error("recorder: name a file").dump();
+  if (const std::string tmp = private_tmp_of(file); !tmp.empty()) {
+    const std::string& state = about_us_.state != nullptr ? about_us_.state->path() : std::string{};
+    return error(tmp + " is that service's own (systemd's PrivateTmp), nobody else would find " +
+                 file + ": name a file in " +
+                 (state.empty() ? "a folder of its ReadWritePaths" : state))
+        .dump();
+  }
   const bool whole = !writer->ended();
   if (const std::string problem = writer->save(file); !problem.empty())
     return error(problem).dump();

@@ -2,11 +2,15 @@
 #include "daemon/flight_setup.hpp"
 
 #include <fmt/format.h>
+#include <unistd.h>
 
+#include <cerrno>
+#include <cstring>
 #include <nlohmann/json.hpp>
 #include <utility>
 
 #include "daemon/log.hpp"
+#include "drivers/open_source.hpp"
 #include "drivers/uri.hpp"
 
 namespace maplet::daemon {
@@ -48,6 +52,37 @@ tl::expected<Config, ConfigError> recorded_config(const std::string& source) {
   const auto head = head_of(**file, path);
   if (!head) return tl::unexpected{head.error()};
   return parse_config((*head)["config"].get<std::string>(), path);
+}
+
+std::string flight_problem(const std::string& source) {
+  if (!check_source(source)) return {};  // configure() says it
+  const std::string path = path_of(source);
+  if (access(path.c_str(), R_OK) != 0) {
+    return fmt::format(
+        "{}: {}: name a file of the flight recorder (recorder.file, or mapletctl recorder save)",
+        path, std::strerror(errno));
+  }
+  const auto config = recorded_config(source);
+  return config ? "" : config.error();
+}
+
+std::vector<std::string> without_effect(const Options& options, const Config& config,
+                                        const Flight& flight) {
+  std::vector<std::string> lines;
+  const auto add = [&](const std::string& what) { lines.push_back("a replay " + what); };
+  if (options.agent_given && options.agent != flight.identity.agent) {
+    add(fmt::format("is of what ran: agent {}; --agent {} has no effect", flight.identity.agent,
+                    options.agent));
+  }
+  if (options.state_given) add("keeps no mission: --state has no effect");
+  if (options.pace == Options::Pace::kRecorded)
+    add("goes as fast as it can, with the times that were recorded: --pace has no effect");
+  if (!config.recorder.file.empty()) add("records nothing: recorder.file has no effect");
+  if (!options.config_file.empty()) {
+    lines.push_back(options.config_file +
+                    " replaces what ran with: without --config it is replayed bit for bit");
+  }
+  return lines;
 }
 
 tl::expected<std::optional<Flight>, std::string> open_flight(const Config& config) {

@@ -6,11 +6,13 @@
 #include <string>
 #include <string_view>
 #include <tl/expected.hpp>
+#include <vector>
 
 #include "core/agent/agent.hpp"
 #include "core/ports/depth_source.hpp"
 #include "daemon/config_io.hpp"
 #include "daemon/flight_writer.hpp"
+#include "daemon/options.hpp"
 #include "daemon/pacer.hpp"
 #include "drivers/flight/flight_file.hpp"
 
@@ -35,6 +37,13 @@ class NoSource final : public DepthSource {
   }
   [[nodiscard]] SourceCounters counters() const noexcept override { return {}; }
 };
+
+/// @return one line why record:FILE cannot be replayed, one whose URI is in order; empty: it can
+[[nodiscard]] std::string flight_problem(const std::string& source);
+
+/// What of the command line a replay does nothing with: it is what ran. A line each.
+[[nodiscard]] std::vector<std::string> without_effect(const Options& options, const Config& config,
+                                                      const Flight& flight);
 
 [[nodiscard]] bool is_record(std::string_view source) noexcept;
 

@@ -1,7 +1,11 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #include "daemon/flight_writer.hpp"
 
+#include <fmt/format.h>
+
+#include <cerrno>
 #include <chrono>
+#include <cstring>
 #include <utility>
 
 #include "core/limits.hpp"
@@ -57,8 +61,22 @@ bool FlightWriter::take() {
     bytes = &coded_;
   }
   const std::scoped_lock lock{ring_mutex_};
-  if (!ring_->put(item.type, *bytes)) ended_ = true;
+  if (broken_) return true;  // a hole in it would be taken for what ran
+  errno = 0;
+  if (ring_->put(item.type, *bytes)) {
+    bytes_ += bytes->size();
+    return true;
+  }
+  error_ = errno;
+  broken_ = true;
+  ended_ = true;
   return true;
+}
+
+std::string FlightWriter::problem() const {
+  if (!ended_) return {};
+  const int error = error_;
+  return error == 0 ? "the disk is too slow" : std::strerror(error);
 }
 
 void FlightWriter::loop() {
@@ -68,7 +86,7 @@ void FlightWriter::loop() {
     while (take()) {
     }
     if (ended_ && !std::exchange(said, true)) {
-      log_warning("the flight recorder's disk is too slow or full: the recording ends here");
+      log_warning(fmt::format("{}: the recording ends here: {}", path_, problem()));
     }
     if (stopping) break;
     std::this_thread::sleep_for(5ms);

@@ -28,6 +28,11 @@ class FlightWriter {
   void put(flight::Block type, std::span<const std::byte> bytes, bool patient) noexcept;
   /// Something did not fit: what came after it is not recorded.
   [[nodiscard]] bool ended() const noexcept { return ended_; }
+  [[nodiscard]] const std::string& path() const noexcept { return path_; }
+  /// Recorded since the start, as coded; a ring holds the last of it.
+  [[nodiscard]] std::uint64_t bytes() const noexcept { return bytes_; }
+  /// Why it ended; empty: it goes on.
+  [[nodiscard]] std::string problem() const;
   /// Copies what is recorded up to now. @return why not
   [[nodiscard]] std::string save(const std::string& to);
 
@@ -45,7 +50,10 @@ class FlightWriter {
   std::size_t capacity_;
   std::vector<std::byte> item_;
   std::vector<std::byte> coded_;
+  bool broken_ = false;  ///< the disk: nothing more is written
   std::atomic<bool> ended_{false};
+  std::atomic<int> error_{0};  ///< errno of the disk; 0: it was too slow
+  std::atomic<std::uint64_t> bytes_{0};
   std::atomic<bool> stop_{false};
   std::mutex ring_mutex_;
   std::thread thread_;

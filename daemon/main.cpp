@@ -36,7 +36,10 @@ int run(const Options& options, const Config& config) {
     fmt::print(stderr, "mapletd: {}\n", state.error().what);
     return state.error().usage ? kExitUsage : kExitFailure;
   }
-  log_as(options.agent);
+  log_as(replays ? (*flight)->identity.agent : options.agent);
+  if (replays) {
+    for (const std::string& line : without_effect(options, config, **flight)) log_warning(line);
+  }
   Options how = options;
   if (replays) how.dds = false;
   return App{how, config, std::move(*state), std::move(*flight)}.run();
@@ -45,6 +48,12 @@ int run(const Options& options, const Config& config) {
 int run(int argc, char** argv) {
   Options options;
   if (const int exit_code = parse_options(argc, argv, options); exit_code >= 0) return exit_code;
+  if (is_record(options.source)) {
+    if (const std::string problem = flight_problem(options.source); !problem.empty()) {
+      fmt::print(stderr, "mapletd: {}\n", problem);
+      return kExitFailure;
+    }
+  }
   const auto config = configure(options);
   if (!config) {
     fmt::print(stderr, "mapletd: {}\n", config.error());

@@ -21,6 +21,7 @@ constexpr const char* kFooter =
     "  mapletd --source sim:loop --out out/loop          a simulated loop, as fast as it goes\n"
     "  mapletd --source tum:DIR --out out/run            a recording in TUM RGB-D layout\n"
     "  mapletd --source openni2: --config robot.toml     the service, first OpenNI2 camera\n"
+    "  mapletd --source record:FILE --out out/again      a recorded run, bit for bit\n"
     "  mapletctl watch                                   what it publishes, in another terminal\n\n"
     "Exit status: 0 done, 1 failure (input, device, environment), 2 usage or configuration.";
 
@@ -40,7 +41,8 @@ int parse_options(int argc, char** argv, Options& options) {
       ->allow_extra_args(false);
   app.add_option("--source", options.source,
                  "tum:DIR[?first=N&count=M&every=K], openni2:[DEVICE-URI|FILE.oni], "
-                 "sim:room|loop|corridor[?seed=N&frames=M]");
+                 "sim:room|loop|corridor[?seed=N&frames=M], record:FILE (what the flight "
+                 "recorder holds, again)");
   app.add_option("--out", options.out, "Folder for the results of a finite run");
   if (const char* folders = std::getenv("STATE_DIRECTORY")) {  // systemd's: a list
     options.state = std::string{folders}.substr(0, std::string_view{folders}.find(':'));
@@ -88,6 +90,8 @@ int parse_options(int argc, char** argv, Options& options) {
     return usage_error("--state is empty: name a folder, or none");
   }
   options.agent = static_cast<std::uint16_t>(agent);
+  options.agent_given = given("--agent");
+  options.state_given = given("--state") && options.state != "none";
   if (options.state == "none") options.state.clear();
   options.pace = pace == "fast" ? Options::Pace::kFast : Options::Pace::kRecorded;
   options.dds = !no_dds;

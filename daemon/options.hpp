@@ -29,6 +29,8 @@ struct Options {
   Pace pace = Pace::kFast;
   std::uint16_t agent = 0;
   bool dds = true;
+  bool agent_given = false;
+  bool state_given = false;  ///< not only by $STATE_DIRECTORY
 
   [[nodiscard]] MemoryParts parts() const noexcept { return {dds, !state.empty()}; }
 };

@@ -99,7 +99,7 @@ Json navigation_json(const MapFrame::Notice& frame) {
 }  // namespace
 
 nlohmann::ordered_json journal_json(const JournalStatus& status) {
-  constexpr const char* kStates[] = {"off", "on", "waiting", "given_up", "removed"};
+  constexpr const char* kStates[] = {"off", "on", "waiting", "given_up", "removed", "moved"};
   const bool off = status.state == JournalStatus::State::kOff;
   Json json{{"state", kStates[static_cast<std::size_t>(status.state)]},
             {"flushed", off ? Json::object() : streams_json(status.flushed)}};
@@ -112,8 +112,19 @@ nlohmann::ordered_json journal_json(const JournalStatus& status) {
   json["held_back"] = status.held_back;
   json["heard_dropped"] = status.heard_dropped;
   json["generation"] = status.generation;
-  json["problem"] = status.error == 0 ? "" : std::strerror(status.error);
+  const bool moved = status.state == JournalStatus::State::kMoved;
+  json["problem"] = moved               ? "the file was moved"
+                    : status.error == 0 ? ""
+                                        : std::strerror(status.error);
   return json;
+}
+
+nlohmann::ordered_json recorder_json(const FlightWriter* writer) {
+  if (writer == nullptr) return {{"state", "off"}, {"file", ""}};
+  return {{"state", writer->ended() ? "ended" : "on"},
+          {"file", writer->path()},
+          {"bytes", writer->bytes()},
+          {"problem", writer->problem()}};
 }
 
 nlohmann::ordered_json gpio_json(const GpioStatus& status) {

@@ -3,6 +3,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "daemon/flight_writer.hpp"
 #include "daemon/gpio_panel.hpp"
 #include "daemon/journal_writer.hpp"
 #include "daemon/memory_status.hpp"
@@ -26,6 +27,9 @@ template <class Number>
 
 /// Its "journal".
 [[nodiscard]] nlohmann::ordered_json journal_json(const JournalStatus& status);
+
+/// Its "recorder". @param writer  nullptr: off
+[[nodiscard]] nlohmann::ordered_json recorder_json(const FlightWriter* writer);
 
 /// Its "gpio", where lines are used.
 [[nodiscard]] nlohmann::ordered_json gpio_json(const GpioStatus& status);

@@ -95,6 +95,10 @@ tl::expected<void, std::string> check_source(std::string_view text) {
   const auto uri = Uri::parse(text);
   if (!uri) return tl::unexpected{uri.error()};
   if (find_scheme(uri->scheme) == nullptr) return tl::unexpected{no_such_scheme(uri->scheme)};
+  if (uri->scheme == "record") {
+    if (uri->path.empty()) return tl::unexpected{std::string{"record: no file: write record:FILE"}};
+    return uri->only({});
+  }
   return {};
 }
 

@@ -15,6 +15,12 @@ BIN = Path(os.environ["MAPLET_BIN_DIR"])
 PATIENCE_S = 180.0 if "MAPLET_SANITIZED" in os.environ else 60.0
 
 
+def may_mount():
+    """Whether a private mount is allowed here (a user namespace, or root)."""
+    return subprocess.run(["unshare", "-Urm", "sh", "-c", "mount -t tmpfs none /mnt"], check=False,
+                          capture_output=True).returncode == 0
+
+
 class DaemonTest(unittest.TestCase):
     """mapletd as a process of its own, with a notify socket that stands in for systemd's."""
 

@@ -45,6 +45,7 @@ struct First {
   std::uint64_t frame = ~std::uint64_t{0};  ///< of the source
   std::size_t stage = ~std::size_t{0};      ///< in the order of the data path
   std::string file;
+  std::string entry{};  ///< of the report
 
   [[nodiscard]] bool before(const First& other) const {
     return std::pair{frame, stage} < std::pair{other.frame, other.stage};
@@ -88,6 +89,12 @@ void compare_frames(const fs::path& a, const fs::path& b, First& first) {
   }
 }
 
+/// The first entry of the report that differs, as a path: /frames/read.
+std::string first_entry(const Json& a, const Json& b) {
+  const auto changes = nlohmann::json::diff(a, b);
+  return changes.empty() ? "" : changes[0]["path"].get<std::string>();
+}
+
 /// The report, but for times and memory.
 Json figures(const fs::path& folder) {
   Json report = Json::parse(content_of(folder / "report.json"), nullptr, false);
@@ -117,8 +124,8 @@ void compare_files(const fs::path& a, const fs::path& b, First& first) {
       if (found.before(first)) first = found;
     }
   }
-  if (figures(a) != figures(b)) {
-    First found{~std::uint64_t{0} - 1, 5, "report.json"};
+  if (const Json of_a = figures(a), of_b = figures(b); of_a != of_b) {
+    First found{~std::uint64_t{0} - 1, 5, "report.json", first_entry(of_a, of_b)};
     if (found.before(first)) first = found;
   }
 }
@@ -144,6 +151,7 @@ int diff(const Diff& options) {
     json["first"] = {{"frame", known ? Json(first.frame) : Json{}},
                      {"stage", kStages[first.stage]},
                      {"file", first.file}};
+    if (!first.entry.empty()) json["first"]["entry"] = first.entry;
   }
   if (options.json) {
     fmt::print("{}\n", json.dump());
@@ -153,7 +161,7 @@ int diff(const Diff& options) {
     fmt::print("first different: frame {}, {} ({})\n", first.frame, kStages[first.stage],
                first.file);
   } else {
-    fmt::print("first different: {} ({})\n", kStages[first.stage], first.file);
+    fmt::print("first different: {} ({}{})\n", kStages[first.stage], first.file, first.entry);
   }
   return equal ? 0 : 1;
 }

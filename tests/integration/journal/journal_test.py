@@ -20,12 +20,6 @@ DISK = os.environ.get("MAPLET_DISK_LIBRARY", "")
 SLOW = 10 if "MAPLET_SANITIZED" in os.environ else 1
 
 
-def may_mount():
-    """Whether a private mount is allowed here (a user namespace, or root)."""
-    return subprocess.run(["unshare", "-Urm", "sh", "-c", "mount -t tmpfs none /mnt"], check=False,
-                          capture_output=True).returncode == 0
-
-
 class JournalTest(daemon.DaemonTest):
     def state(self):
         return self.file("state")
@@ -142,7 +136,9 @@ class Resume(JournalTest):
     def test_without_a_state_directory_there_is_no_journal(self):
         self.start("--source", ROOM, environment={"STATE_DIRECTORY": ""})
         self.until(lambda: os.path.exists(self.file("socket")))
-        self.assertEqual(self.journal(), {"state": "off", "flushed": {}, "directory": ""})
+        self.assertEqual(self.journal(), {"state": "off", "flushed": {}, "problem": "", "directory": "",
+                                          "clear_at_start": False})
+        self.assertEqual(self.status()["recorder"], {"state": "off", "file": ""})
 
     def test_systemds_folder_is_the_default(self):
         self.start("--source", ROOM, "--set", "journal.size_mib=8",
@@ -164,6 +160,10 @@ class Refused(JournalTest):
     def test_two_daemons_on_one_folder(self):
         self.run_service()
         first = self.daemon
+        self.ends(1, "another mapletd", "--set", "control.socket=none")
+        self.daemon = first
+        self.assertEqual(self.journal()["state"], "on")
+        os.remove(os.path.join(self.state(), "lock"))  # by somebody who tidies up
         self.ends(1, "another mapletd", "--set", "control.socket=none")
         self.daemon = first
         self.assertEqual(self.journal()["state"], "on")
@@ -206,6 +206,7 @@ class Disks(JournalTest):
         Path(self.state()).write_text("a file", encoding="utf-8")
         self.run_service()
         self.assertEqual(self.journal()["state"], "off")
+        self.assertNotEqual(self.journal()["problem"], "")
         _, _, said = self.stop()
         self.assertIn("goes on in memory", said)
 
@@ -214,6 +215,7 @@ class Disks(JournalTest):
         Path(self.file("mood")).write_text("f", encoding="utf-8")
         self.run_service(environment={"LD_PRELOAD": DISK, "MAPLET_DISK": self.file("mood")})
         self.assertEqual(self.journal()["state"], "off")
+        self.assertIn("No space left", self.journal()["problem"])
         self.until(lambda: self.status()["maplets"] > 1)
         _, _, said = self.stop()
         self.assertIn("No space left", said)
@@ -292,7 +294,42 @@ class Disks(JournalTest):
         self.assertNotEqual(self.status()["epoch"], epoch)
         self.assertEqual(self.journal()["state"], "on")
 
-    @unittest.skipUnless(may_mount(), "no private mounts here")
+    def test_a_folder_moved_under_the_daemon(self):
+        self.run_service("--pace", "recorded", source=LONG)
+        self.until_flushed(1)
+        epoch = self.status()["epoch"]
+        away = self.file("away")
+        os.rename(self.state(), away)
+        self.until(lambda: self.journal()["state"] == "moved")
+        self.assertEqual(self.journal()["flushed"].get("maplets", 0), 0)
+        self.assertIn("moved", self.journal()["problem"])
+        before = self.listed(away)["maplets"]
+        self.until(lambda: self.listed(away)["maplets"] > before)
+        os.rename(away, self.state())
+        self.until(lambda: self.journal()["state"] == "on")
+        self.until_flushed(before)
+        ended, self.daemon = self.daemon, None
+        ended.kill()
+        _, said = ended.communicate()
+        self.assertIn("was moved", said)
+        self.assertIn("is back", said)
+        listed = self.listed()
+        self.assertEqual(sum(listed["missing"].values()), 0)
+        self.assertEqual(listed["epoch"], epoch)
+
+    @unittest.skipUnless(daemon.may_mount(), "no private mounts here")
+    def test_a_mission_on_a_read_only_disk_is_not_said_to_be_cleared(self):
+        self.fill()
+        done = subprocess.run(
+            ["unshare", "-Urm", "sh", "-c", f'mount --bind {self.state()} {self.state()} && '
+             f'mount -o remount,bind,ro {self.state()} && exec "$@"', "sh",
+             str(daemon.BIN / "mapletctl"), "mission", "clear", "--state", self.state()],
+            capture_output=True, text=True, timeout=daemon.PATIENCE_S)
+        self.assertEqual(done.returncode, 1, done.stdout)
+        self.assertIn("Read-only file system", done.stderr)
+        self.assertGreater(self.listed()["maplets"], 0)
+
+    @unittest.skipUnless(daemon.may_mount(), "no private mounts here")
     def test_a_read_only_folder_is_shown_and_left(self):
         listed = self.fill()
         content = Path(self.state(), "mission.journal").read_bytes()
@@ -301,6 +338,7 @@ class Disks(JournalTest):
             f'mount --bind {self.state()} {self.state()} && '
             f'mount -o remount,bind,ro {self.state()} && exec "$@"', "sh"))
         self.assertEqual(self.journal()["state"], "off")
+        self.assertIn("Read-only file system", self.journal()["problem"])
         self.assertNotEqual(self.status()["epoch"], listed["epoch"])
         maplets = json.loads(self.ctl("maplets", "--json")[1])
         self.assertEqual(sum(m["epoch"] == listed["epoch"] for m in maplets), listed["maplets"])
@@ -310,7 +348,7 @@ class Disks(JournalTest):
         self.assertIn("Read-only file system; the mission goes on in memory", said)
         self.assertEqual(Path(self.state(), "mission.journal").read_bytes(), content)
 
-    @unittest.skipUnless(may_mount(), "no private mounts here")
+    @unittest.skipUnless(daemon.may_mount(), "no private mounts here")
     def test_a_disk_that_is_too_small(self):
         os.makedirs(self.state())
         self.run_service("--pace", "recorded", wrapper=(
@@ -353,8 +391,15 @@ class Missions(JournalTest):
         code, said, wrong = self.mission("clear", "--state", self.state())
         self.assertEqual((code, said.strip()), (0, "cleared"), wrong)
         self.assertEqual(self.mission("list", "--state", self.state())[0], 1)
-        self.run_service("--pace", "recorded")
+        self.run_service()  # in fast pace, too
         self.assertNotEqual(self.status()["epoch"], listed["epoch"])
+
+    def test_a_folder_without_a_mission_is_not_cleared(self):
+        os.makedirs(self.state())
+        code, _, wrong = self.mission("clear", "--state", self.state())
+        self.assertEqual(code, 1)
+        self.assertIn("holds no mission", wrong)
+        self.assertEqual(os.listdir(self.state()), [])
 
     def test_a_running_daemon_is_asked(self):
         self.run_service()
@@ -365,7 +410,10 @@ class Missions(JournalTest):
         code, said, wrong = self.ctl("mission", "clear")
         self.assertEqual(code, 0, wrong)
         self.assertIn("next start", said)
+        self.assertTrue(self.journal()["clear_at_start"])
+        self.assertIn("next start removes", self.ctl("mission", "list")[1])
         self.stop()
+        self.assertTrue(self.listed()["clear_at_start"])
         os.path.exists(self.file("socket")) and os.remove(self.file("socket"))
         self.run_service()
         self.assertEqual(len(self.listed()["parts"]), 1)

@@ -127,6 +127,9 @@ class Recorder(daemon.DaemonTest):
         self.start("--source", "sim:room?seed=3&width=160&frames=100000", "--set",
                    "recorder.file=" + self.file("ring"))
         self.until(lambda: os.path.exists(self.file("socket")) and self.status()["maplets"] > 2)
+        recorder = self.status()["recorder"]
+        self.assertEqual((recorder["state"], recorder["file"]), ("on", self.file("ring")))
+        self.assertGreater(recorder["bytes"], 0)
         code, _, wrong = self.ctl("recorder", "save", "--out", self.file("flight"))
         self.assertEqual(code, 0, wrong)
         self.stop()
@@ -141,13 +144,56 @@ class Recorder(daemon.DaemonTest):
         self.assertEqual(code, 1)
         self.assertIn("recorder.file", wrong)
 
-    def test_what_is_no_record_is_refused(self):
-        Path(self.file("flight")).write_bytes(b"nothing" * 100)
+    def refused(self, source, code, word, *more):
         done = subprocess.run([str(daemon.BIN / "mapletd"), "--no-dds", "--out", self.file("x"),
-                               "--source", "record:" + self.file("flight")], capture_output=True,
-                              text=True, timeout=60)
-        self.assertIn(done.returncode, (1, 2))
-        self.assertIn("no flight recorder's file", done.stderr)
+                               "--source", source, *more], capture_output=True, text=True, timeout=60)
+        self.assertEqual(done.returncode, code, done.stderr)
+        self.assertIn(word, done.stderr)
+        self.assertEqual(done.stderr.count("\n"), 1)
+        self.assertFalse(os.path.exists(self.file("x")))
+
+    def test_what_is_no_record_is_refused(self):
+        flight = "record:" + self.file("flight")
+        self.refused(flight, 1, "No such file")
+        self.refused(flight, 1, "No such file", "--config", "/dev/null")
+        self.refused("record:", 2, "record:FILE")
+        self.refused("record:" + self.folder.name, 1, "no flight recorder's file")
+        Path(self.file("flight")).write_bytes(b"nothing" * 100)
+        self.refused(flight, 1, "no flight recorder's file")
+        self.refused(flight + "?first=3", 2, "takes no parameters")
+
+    def test_what_has_no_effect_on_a_replay_is_said(self):
+        self.fly("sim:room?seed=3&width=160&frames=60")
+        for words, said in ((["--agent", "5"], "--agent 5"), (["--pace", "recorded"], "--pace"),
+                            (["--state", self.file("state")], "--state"),
+                            (["--set", "recorder.file=" + self.file("again")], "recorder.file"),
+                            (["--config", "/dev/null"], "/dev/null"), ([], "")):
+            done = subprocess.run(
+                [str(daemon.BIN / "mapletd"), "--no-dds", "--out", self.file("b"), "--source",
+                 "record:" + self.file("flight"), *words], capture_output=True, text=True, timeout=60)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            self.assertEqual("a replay" in done.stderr or "replaces what ran" in done.stderr,
+                             bool(words), done.stderr)
+            self.assertIn(said, done.stderr)
+            self.assertTrue(self.diff("a", "b")["equal"] or words[0] == "--config")
+        self.assertFalse(os.path.exists(self.file("again")))
+        self.assertFalse(os.path.exists(self.file("state")))
+
+    @unittest.skipUnless(daemon.may_mount(), "no private mounts here")
+    def test_a_services_own_tmp_is_named(self):
+        own = self.file("systemd-private-0f-mapletd.service/tmp")
+        os.makedirs(own)
+        self.start("--source", "sim:room?seed=3&width=160&frames=100000", "--set",
+                   "recorder.file=/var/tmp/ring", wrapper=(
+                       "unshare", "-Urm", "sh", "-c", f'mount --bind {own} /var/tmp && exec "$@"', "sh"))
+        self.until(lambda: os.path.exists(self.file("socket")))
+        code, _, wrong = self.ctl("recorder", "save", "--out", "/var/tmp/flight")
+        self.assertEqual(code, 1)
+        self.assertIn("PrivateTmp", wrong)
+        code, _, wrong = self.ctl("recorder", "save", "--out", self.file("flight"))
+        self.assertEqual(code, 0, wrong)
+        _, _, said = self.stop()
+        self.assertIn("PrivateTmp", said)
 
 
 if __name__ == "__main__":
