@@ -148,8 +148,9 @@ void Builder::hang_posters(Random& random) {
     for (double s = 0.0; s + 1.0 < length; s += kEvery) {
       if (!random.chance(0.7)) continue;
       const double wide = random.uniform(0.3, 0.8);
-      const Eigen::Vector3d corner = wall.corner + e * (s + random.uniform(0.0, 1.0 - wide)) +
-                                     Eigen::Vector3d{0, 0, random.uniform(0.9, 1.5)};
+      const double above = random.uniform(0.9, 1.5);
+      const double from = s + random.uniform(0.0, 1.0 - wide);
+      const Eigen::Vector3d corner = wall.corner + e * from + Eigen::Vector3d{0, 0, above};
       const Eigen::Vector3d x = e * wide;
       const Eigen::Vector3d z{0, 0, random.uniform(0.3, 0.7)};
       const Look look{Material::kPoster, static_cast<float>(random.uniform(0.35, 0.9))};

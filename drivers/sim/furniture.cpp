@@ -31,10 +31,12 @@ void add_table(Builder& builder, const Spot& spot, Random& random, double width_
                   {leg, leg, height - slab}, look);
     }
   }
-  Spot top = at(spot, random.spread(width_m / 3), random.spread(depth_m / 6), random.spread(0.5));
+  const double yaw = random.spread(0.5);
+  const double y = random.spread(depth_m / 6);
+  Spot top = at(spot, random.spread(width_m / 3), y, yaw);
   top.z_m += height;
-  builder.box(top, {0, 0, 0}, {0.30, 0.22, random.uniform(0.08, 0.3)},
-              {Material::kCardboard, tone(random, 0.45)});
+  const Look cardboard{Material::kCardboard, tone(random, 0.45)};
+  builder.box(top, {0, 0, 0}, {0.30, 0.22, random.uniform(0.08, 0.3)}, cardboard);
 }
 
 void add_chair(Builder& builder, const Spot& spot, Random& random) {
@@ -70,9 +72,9 @@ void add_shelf(Builder& builder, const Spot& spot, Random& random, double width_
       if (x + wide > width_m / 2 - 0.05) break;
       if (random.chance(0.75)) {
         const double deep = random.uniform(0.16, 0.27);
+        const Look cover{Material::kWallpaper, tone(random, 0.5)};
         builder.box(spot, {x + wide / 2, 0.13 - deep / 2, i * pitch + kBoard},
-                    {wide, deep, random.uniform(0.12, pitch - 0.08)},
-                    {Material::kWallpaper, tone(random, 0.5)});
+                    {wide, deep, random.uniform(0.12, pitch - 0.08)}, cover);
       }
       x += wide + random.uniform(0.005, 0.08);
     }
@@ -95,18 +97,23 @@ void add_sofa(Builder& builder, const Spot& spot, Random& random) {
 void add_cartons(Builder& builder, const Spot& spot, Random& random, int count) {
   double z = 0.0;
   for (int i = 0; i < count; ++i) {
-    Spot here = at(spot, random.spread(0.05), random.spread(0.05), random.spread(0.35));
+    const double yaw = random.spread(0.35);
+    const double y = random.spread(0.05);
+    Spot here = at(spot, random.spread(0.05), y, yaw);
     here.z_m += z;
     const double high = random.uniform(0.25, 0.42);
+    const Look look{Material::kCardboard, tone(random, 0.5)};
     builder.box(here, {0, 0, 0}, {random.uniform(0.35, 0.55), random.uniform(0.3, 0.45), high},
-                {Material::kCardboard, tone(random, 0.5)});
+                look);
     z += high;
   }
 }
 
 void add_leaning_board(Builder& builder, const Spot& spot, Random& random) {
-  builder.box(spot, {0, 0, 0}, {random.uniform(0.6, 0.9), 0.03, random.uniform(1.2, 1.7)},
-              {Material::kWallpaper, tone(random, 0.65)}, -random.uniform(0.18, 0.32));
+  const double pitch_rad = -random.uniform(0.18, 0.32);
+  const Look look{Material::kWallpaper, tone(random, 0.65)};
+  builder.box(spot, {0, 0, 0}, {random.uniform(0.6, 0.9), 0.03, random.uniform(1.2, 1.7)}, look,
+              pitch_rad);
 }
 
 void add_door_frame(Builder& builder, const Spot& spot, double width_m, double wall_m,

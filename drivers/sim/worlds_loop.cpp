@@ -113,16 +113,22 @@ class Loop {
       case 0:  // a pillar
         builder.box(side.at(s, left * (kHalf - 0.1), 0), {0, 0, 0}, {0.35, 0.3, kHigh}, kWalls);
         break;
-      case 1:
-        add_cabinet(builder, spot(0.44), random_, random_.uniform(0.7, 1.1),
-                    random_.uniform(0.9, 1.9));
+      case 1: {
+        const double high = random_.uniform(0.9, 1.9);
+        const double wide = random_.uniform(0.7, 1.1);
+        add_cabinet(builder, spot(0.44), random_, wide, high);
         break;
-      case 2:
-        add_cartons(builder, spot(0.5), random_, 1 + random_.index(3));
+      }
+      case 2: {
+        const int count = 1 + random_.index(3);
+        add_cartons(builder, spot(0.5), random_, count);
         break;
-      case 3:
-        add_shelf(builder, spot(0.33), random_, random_.uniform(0.8, 1.2), 1.9);
+      }
+      case 3: {
+        const double wide = random_.uniform(0.8, 1.2);
+        add_shelf(builder, spot(0.33), random_, wide, 1.9);
         break;
+      }
       case 4:  // a bench
         builder.box(spot(0.4), {0, 0, 0}, {1.3, 0.36, 0.45}, {Material::kWood, 0.5F});
         break;

@@ -4,12 +4,22 @@
 # run, read-only disk, upgrade over an edited configuration, remove, purge.
 #   deb_test.sh BUILD_DIR
 # As root. Needs mmdebstrap (tools/setup system) and, the first time, the network. lintian where it is.
-# A package for another processor lives in a root of that processor where the kernel runs its programs
-# by qemu-user (binfmt_misc).
+# A package for another processor lives in a root of that processor, its programs run by qemu-user: the
+# kernel is told (binfmt_misc, in mounts of this test's own) for as long as the test runs.
 set -eu
 build=$1
 . "$(dirname "$0")/../support/debian_root.sh"
 needs mmdebstrap
+
+emulator=$(sed -n 's/^MAPLET_EMULATOR:[A-Z]*=//p' "$build/CMakeCache.txt")
+binfmt=/proc/sys/fs/binfmt_misc
+emulated=$binfmt/$(basename "${emulator:-none}" -static)
+if [[ -n $emulator && -z ${MAPLET_OWN_MOUNTS:-} ]]; then
+  MAPLET_OWN_MOUNTS=1 exec unshare --mount "$0" "$@"
+elif [[ -n $emulator && ! -e $emulated ]]; then
+  { [[ -e $binfmt/register ]] || mount -t binfmt_misc none $binfmt; } &&
+    cat "/usr/lib/binfmt.d/${emulated##*/}.conf" >$binfmt/register || true
+fi
 
 failed=0
 claim() { # WORDS COMMAND... : what it says goes to $work/said, what the one before said to $work/before
@@ -49,14 +59,7 @@ fi
 
 "$(dirname "$0")/neon_claims.sh" "$deb" || failed=1
 
-runs_here() {
-  local machine=$arch
-  [[ $arch != "$(dpkg --print-architecture)" ]] || return 0
-  [[ $arch != arm64 ]] || machine=aarch64
-  [[ $arch != armhf ]] || machine=arm
-  grep -qs '^enabled' "/proc/sys/fs/binfmt_misc/qemu-$machine"
-}
-if ! runs_here; then
+if [[ -n $emulator ]] && ! grep -qs "^enabled" "$emulated"; then
   echo "SKIPPED  its life: this kernel runs no $arch programs"
   exit $failed
 fi
