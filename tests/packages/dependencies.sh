@@ -5,21 +5,26 @@
 #   dependencies.sh ROOT DEPENDS(comma separated names)
 set -eu
 dpkg-query --admindir="$1/var/lib/dpkg" -W \
-  -f '${db:Status-Status}|${Package}|${Essential}|${Priority}|${Installed-Size}|${Pre-Depends}, ${Depends}\n' |
+  -f '${db:Status-Status}|${Package}|${Essential}|${Priority}|${Installed-Size}|${Pre-Depends}, ${Depends}|${Provides}\n' |
   awk -F '|' -v wanted="$2" '
-    $1 == "installed" { size[$2] = $5; always[$2] = $3 == "yes" || $4 == "required"; needs[$2] = $6 }
+    function bare(text) { gsub(/\([^)]*\)|:[a-z]+| /, "", text); return text }
+    $1 == "installed" {
+      size[$2] = $5; always[$2] = $3 == "yes" || $4 == "required"; needs[$2] = $6
+      n = split($NF, other, ",")
+      for (i = 1; i <= n; ++i) real[bare(other[i])] = $2  # a name that this package goes by as well
+    }
+    function found(name) { return name in size || !(name in real) ? name : real[name] }
     function take(name,   all, n, i) {
+      name = found(name)
       if (!(name in size) || name in taken) return
       taken[name] = 1
       n = split(needs[name], all, /[,|]/)
-      for (i = 1; i <= n; ++i) {
-        gsub(/\([^)]*\)|:[a-z]+| /, "", all[i])
-        take(all[i])
-      }
+      for (i = 1; i <= n; ++i) take(bare(all[i]))
     }
     END {
       n = split(wanted, direct, ",")
       for (i = 1; i <= n; ++i) {
+        direct[i] = found(direct[i])
         if (!(direct[i] in size)) { print "not installed: " direct[i]; exit 1 }
         printf "  %-26s %6d KiB\n", direct[i], size[direct[i]]
       }
