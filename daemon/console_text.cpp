@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "daemon/clear_mission.hpp"
@@ -93,7 +94,8 @@ nlohmann::ordered_json Console::mission_json() const {
   Json json =
       journal_json(about_us_.journal != nullptr ? about_us_.journal->status() : JournalStatus{});
   if (about_us_.journal == nullptr) json["problem"] = state != nullptr ? state->problem() : "";
-  json["directory"] = state != nullptr ? state->path() : "";
+  const bool kept = state != nullptr && !state->path().empty();
+  json["directory"] = kept ? std::filesystem::absolute(state->path()).string() : "";
   json["clear_at_start"] = state != nullptr && clear_is_asked(state->path());
   return json;
 }

@@ -99,7 +99,7 @@ std::string FlightWriter::save(const std::string& to) {
   std::this_thread::sleep_for(50ms);  // what was recorded before the question
   const std::scoped_lock lock{ring_mutex_};
   if (!ring_->flush()) return path_ + ": cannot be written";
-  auto reader = flight::RingReader::open(path_);
+  auto reader = ring_->reader();
   return reader ? (*reader)->save(to) : reader.error();
 }
 

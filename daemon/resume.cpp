@@ -120,6 +120,7 @@ Resumed resume(StateDirectory& state, Agent& agent, RadioLink* radio, FlightLog&
       log_warning(survey.error());
       continue;
     }
+    if (state.holds_mission() && survey->life == state.survey().life) continue;  // an older copy
     take_in(file, *survey, agent, radio, flight, own_maplets, resumed);
     ++resumed.imported;
   }

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <cstring>
+#include <filesystem>
 #include <string>
 
 #include "core/ports/stage_meter.hpp"
@@ -122,7 +123,7 @@ nlohmann::ordered_json journal_json(const JournalStatus& status) {
 nlohmann::ordered_json recorder_json(const FlightWriter* writer) {
   if (writer == nullptr) return {{"state", "off"}, {"file", ""}};
   return {{"state", writer->ended() ? "ended" : "on"},
-          {"file", writer->path()},
+          {"file", std::filesystem::absolute(writer->path()).string()},
           {"bytes", writer->bytes()},
           {"problem", writer->problem()}};
 }

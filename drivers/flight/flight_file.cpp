@@ -2,6 +2,7 @@
 #include "drivers/flight/flight_file.hpp"
 
 #include <fmt/format.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 
 #include <algorithm>
@@ -72,6 +73,11 @@ std::string not_ours(const std::string& path) {
   return path + ": is there and is no flight recorder's file: it is not overwritten";
 }
 
+bool is_being_recorded(const std::string& path) {
+  const File file{std::fopen(path.c_str(), "rbe")};
+  return file && flock(fileno(file.get()), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK;
+}
+
 bool same_file(std::FILE* open, const std::string& path) {
   struct stat a {};
   struct stat b {};
@@ -85,12 +91,17 @@ tl::expected<std::unique_ptr<RingWriter>, std::string> RingWriter::make(const st
                                                                         std::uint64_t bytes) {
   const There there = what_is_at(path);
   if (there == There::kSomethingElse) return tl::unexpected{not_ours(path)};
+  if (is_being_recorded(path)) {
+    return tl::unexpected{path + ": another mapletd records into it: give each a file of its own"};
+  }
   if (there == There::kRecording && std::rename(path.c_str(), (path + ".1").c_str()) != 0) {
     return tl::unexpected{why(path + ".1")};
   }
   auto writer = std::make_unique<RingWriter>();
   writer->file_.reset(std::fopen(path.c_str(), "wbe"));
   if (!writer->file_) return tl::unexpected{why(path)};
+  (void)flock(fileno(writer->file_.get()), LOCK_EX | LOCK_NB);
+  writer->path_ = path;
   writer->size_ = bytes;
   return writer;
 }
@@ -105,6 +116,12 @@ bool RingWriter::put(Block type, std::span<const std::byte> bytes) {
   at_ = aligned(at_ + kBlockHeadBytes + bytes.size());
   if (next_++ == 0) first_ = at_;
   return true;
+}
+
+tl::expected<std::unique_ptr<RingReader>, std::string> RingWriter::reader() const {
+  File file{std::fopen(fmt::format("/proc/self/fd/{}", fileno(file_.get())).c_str(), "rbe")};
+  if (!file) return tl::unexpected{why(path_)};
+  return RingReader::read(std::move(file), path_);
 }
 
 bool RingWriter::flush() { return std::fflush(file_.get()) == 0; }

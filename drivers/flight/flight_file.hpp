@@ -29,6 +29,8 @@ struct CloseFile {
 };
 using File = std::unique_ptr<std::FILE, CloseFile>;
 
+class RingReader;
+
 /// Writes blocks, round and round.
 ///
 /// Threads  one.
@@ -41,8 +43,11 @@ class RingWriter {
       const std::string& path, std::uint64_t bytes);
   [[nodiscard]] bool put(Block type, std::span<const std::byte> bytes);
   [[nodiscard]] bool flush();
+  /// Of this file, whatever has its name now. @return why not
+  [[nodiscard]] tl::expected<std::unique_ptr<RingReader>, std::string> reader() const;
 
  private:
+  std::string path_;
   File file_;
   std::uint64_t size_ = 0;
   std::uint64_t first_ = 0;  ///< behind the head

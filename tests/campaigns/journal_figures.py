@@ -19,6 +19,9 @@ WIDTH = int(os.environ.get("MAPLET_WIDTH", "640"))
 STARTS = int(os.environ.get("MAPLET_STARTS", "10"))
 RUN_S = float(os.environ.get("MAPLET_RUN_S", "120"))
 DISK = os.environ.get("MAPLET_DISK_LIBRARY", "")
+# Maplets as short as can be.
+MANY = ["odometry.keyframe_distance_m=0.1", "maplet.max_path_m=0.1", "maplet.max_yaw_rad=0.1",
+        "maplet.max_keyframes=2", "maplet.overlap_keyframes=1", "maplet.boundary_keyframes=0"]
 LOOP = f"sim:loop?seed=7&width={WIDTH}"
 
 
@@ -41,9 +44,12 @@ class Figures(daemon.DaemonTest):
         return time.monotonic() - begin
 
     def end(self):
-        self.daemon.terminate()
-        _, said = self.daemon.communicate(timeout=daemon.PATIENCE_S)
-        return said
+        return self.stop()[2]
+
+    def run_for(self, duration_s):
+        """Listens meanwhile: who notifies and is not heard waits."""
+        end = time.monotonic() + duration_s
+        self.until(lambda: time.monotonic() > end, duration_s + 60)
 
     def listed(self):
         done = subprocess.run([str(daemon.BIN / "mapletctl"), "mission", "list", "--json", "--state",
@@ -51,9 +57,9 @@ class Figures(daemon.DaemonTest):
         return json.loads(done.stdout)
 
     def test_resume(self):
-        source = f"{LOOP}&frames=3600"
-        subprocess.run([str(daemon.BIN / "mapletd"), "--no-dds", "--source", source, "--out",
-                        self.file("out"), "--state", self.state()], check=True,
+        many = [word for setting in MANY for word in ("--set", setting)]
+        subprocess.run([str(daemon.BIN / "mapletd"), "--no-dds", "--source", f"{LOOP}&frames=3600",
+                        "--out", self.file("out"), "--state", self.state(), *many], check=True,
                        capture_output=True, timeout=900)
         listed = self.listed()
         self.assertGreaterEqual(listed["maplets"], 512)
@@ -77,8 +83,7 @@ class Figures(daemon.DaemonTest):
     def test_bytes_written(self):
         self.begin("--state", self.state(), "--pace", "recorded")
         begin = time.monotonic()
-        while time.monotonic() - begin < RUN_S:
-            time.sleep(0.5)
+        self.run_for(RUN_S)
         io = Path(f"/proc/{self.daemon.pid}/io").read_text(encoding="utf-8")
         by_kernel = int(re.search(r"^write_bytes: (\d+)", io, re.M)[1])
         minutes = (time.monotonic() - begin) / 60
@@ -98,7 +103,7 @@ class Figures(daemon.DaemonTest):
             Path(self.file("mood")).write_text(mood, encoding="utf-8")
             self.begin("--state", self.file("state" + mood), "--pace", "recorded", environment={
                 "LD_PRELOAD": DISK, "MAPLET_DISK": self.file("mood")})
-            time.sleep(RUN_S / 2)
+            self.run_for(RUN_S / 2)
             status = self.status()
             worst[mood] = status["stages"]
             say(f"{'2 s stalls' if mood else 'no stalls'}: {status['journal']['flushes']} turns, "

@@ -124,6 +124,13 @@ void import_from(const Options& options) {
   Json answer;
   const std::string folder = folder_of(options, answer);
   const files::Mission mission = files::read_mission(options.path);
+  journal::PosixFile own;
+  if (const auto there =
+          daemon::open_mission((fs::path{folder} / daemon::kMissionFile).string(), own);
+      there && there->life == mission.life()) {
+    throw Failure{options.path + ": is the mission that " + folder +
+                  " goes on with, or a copy of it"};
+  }
   std::error_code error;
   fs::create_directories(folder, error);
   place(mission.file, fs::path{folder} / fmt::format("{}-{:08x}.imported", mission.life().agent,

@@ -44,6 +44,33 @@ void print_peer(const Json& peer) {
              held["maplets"].get<std::int64_t>());
 }
 
+namespace {
+
+/// What survives a power cut, and why it does not; what is recorded. Nothing where nothing is kept.
+void print_kept(const Json& s) {
+  const Json& journal = s["journal"];
+  const std::string problem = journal.value("problem", std::string{});
+  const std::string folder = journal.value("directory", std::string{});
+  if (!folder.empty()) {
+    fmt::print("journal   {}{}{}: {}", journal["state"].get<std::string>(),
+               problem.empty() ? "" : ", ", problem, folder);
+    const Json& flushed = journal["flushed"];
+    if (flushed.contains("maplets")) {
+      fmt::print(", {} maplets and {} delta-poses safe", flushed["maplets"].get<std::int64_t>(),
+                 flushed["delta_poses"].get<std::int64_t>());
+    }
+    fmt::print("{}\n", journal.value("clear_at_start", false) ? "; cleared at the next start" : "");
+  }
+  const Json recorder = s.value("recorder", Json::object());
+  if (recorder.value("state", "off") == "off") return;
+  const std::string ended = recorder.value("problem", std::string{});
+  fmt::print("recorder  {}{}{}: {}, {:.1f} MB\n", recorder["state"].get<std::string>(),
+             ended.empty() ? "" : ", ", ended, recorder["file"].get<std::string>(),
+             recorder["bytes"].get<double>() / 1e6);
+}
+
+}  // namespace
+
 void print_status(const Json& s) {
   fmt::print("agent {} ({:08x}): {}, up {:.0f} s\n", s["agent"].get<int>(),
              s["epoch"].get<std::uint32_t>(), s["state"].get<std::string>(),
@@ -85,6 +112,7 @@ void print_status(const Json& s) {
           "network (mapletctl check)\n");
     }
   }
+  print_kept(s);
   for (const Json& peer : s["peers"]) print_peer(peer);
 }
 

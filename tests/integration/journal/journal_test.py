@@ -386,6 +386,23 @@ class Missions(JournalTest):
         _, _, said = self.stop()
         self.assertIn("1 imported mission", said)
 
+    def test_a_mission_is_not_imported_into_itself(self):
+        self.fill()
+        good = self.file("good")
+        self.assertEqual(self.mission("export", good, "--state", self.state())[0], 0)
+        for copy in (self.state(), good):
+            code, _, wrong = self.mission("import", copy, "--state", self.state())
+            self.assertEqual(code, 1)
+            self.assertIn("goes on with", wrong)
+        # Taken in before there was a mission, by hand, ...: an older copy is no other mission.
+        shutil.copy(os.path.join(good, "mission.journal"), os.path.join(self.state(), "x.imported"))
+        listed = self.listed()
+        self.run_service("--pace", "recorded")
+        maplets = json.loads(self.ctl("maplets", "--json")[1])
+        self.assertEqual(sum(m["id"] < listed["maplets"] for m in maplets), listed["maplets"])
+        self.assertIn("journal   on", self.ctl("status")[1])
+        self.assertIn("of 1 earlier start(s)", self.stop()[2])
+
     def test_clear_begins_a_new_mission(self):
         listed = self.fill()
         code, said, wrong = self.mission("clear", "--state", self.state())

@@ -18,6 +18,7 @@ from spoil import spoil  # noqa: E402
 
 FLIGHTS = int(os.environ.get("MAPLET_FLIGHTS", "3"))
 SEED = int(os.environ.get("MAPLET_SEED", "1"))
+DISK = os.environ.get("MAPLET_DISK_LIBRARY", "")
 SYNTH = os.environ.get("MAPLET_SYNTH_RUNTIME", "")
 SLOW = 10 if "MAPLET_SANITIZED" in os.environ else 1
 
@@ -93,6 +94,21 @@ class Recorder(daemon.DaemonTest):
             self.assertIn("stopped by a signal", said)
             self.replay("b")
             self.assertEqual(self.diff("a", "b"), {"equal": True, "first": None}, script)
+
+    @unittest.skipUnless(SYNTH and DISK, "no synthetic camera, or no mocked disk")
+    def test_what_a_camera_brings_while_the_run_ends_is_no_part_of_it(self):
+        """The end waits for a disk that stalls; the camera goes on."""
+        self.start("--source", "openni2:", "--out", self.file("a"), "--state", self.file("state"),
+                   "--set", "recorder.file=" + self.file("flight"), "--set", "journal.size_mib=8",
+                   "--set", "input.decimate=2", environment={
+                       "LD_LIBRARY_PATH": SYNTH, "MAPLET_SYNTH": "world=room rate_hz=30",
+                       "LD_PRELOAD": DISK, "MAPLET_DISK": self.file("mood")})
+        self.until(lambda: os.path.exists(self.file("socket"))
+                   and self.status()["frames"]["read"] > 40)
+        Path(self.file("mood")).write_text("s", encoding="utf-8")
+        self.assertEqual(self.stop()[0], 0)
+        self.replay("b")
+        self.assertEqual(self.diff("a", "b"), {"equal": True, "first": None})
 
     def test_a_mission_that_was_resumed_replays_too(self):
         state = ("--state", self.file("state"), "--set", "journal.size_mib=8")

@@ -85,6 +85,27 @@ TEST(FlightFile, TheNewestBlocksStay) {
   EXPECT_FALSE((*again)->complete());
 }
 
+TEST(FlightFile, TwoDoNotRecordIntoOneAndEachSavesItsOwn) {
+  const TempDir folder;
+  const std::string path = (folder.path() / "ring").string();
+  auto first = RingWriter::make(path, 1 << 20);
+  ASSERT_TRUE(first);
+  ASSERT_TRUE((*first)->put(Block::kHead, block(0, 10)));
+  ASSERT_TRUE((*first)->flush());
+  const auto second = RingWriter::make(path, 1 << 20);
+  ASSERT_FALSE(second);
+  EXPECT_NE(second.error().find("another mapletd"), std::string::npos);
+  // Somebody moves it and puts another there: what is recorded is still saved.
+  std::filesystem::rename(path, path + ".away");
+  auto other = RingWriter::make(path, 1 << 20);
+  ASSERT_TRUE(other);
+  ASSERT_TRUE((*other)->put(Block::kHead, block(0, 20)));
+  ASSERT_TRUE((*other)->flush());
+  auto reader = (*first)->reader();
+  ASSERT_TRUE(reader) << reader.error();
+  EXPECT_EQ((*reader)->head().size(), 10U);
+}
+
 TEST(FlightFile, NothingElseIsOverwrittenAndTheLastRunStays) {
   const TempDir folder;
   const std::string path = (folder.path() / "ring").string();
