@@ -7,8 +7,10 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <cstdlib>
 #include <cstring>
 #include <filesystem>
+#include <sstream>
 
 extern char** environ;
 
@@ -23,10 +25,22 @@ std::string find_mapletctl() {
   return !error && std::filesystem::exists(beside, error) ? beside.string() : "mapletctl";
 }
 
+/// Before the program: what runs it where this processor is emulated (tests under qemu-user); else
+/// nothing.
+std::vector<std::string> emulator() {
+  std::vector<std::string> words;
+  if (const char* said = std::getenv("MAPLET_EMULATOR")) {
+    std::istringstream in{said};
+    for (std::string word; in >> word;) words.push_back(word);
+  }
+  return words;
+}
+
 }  // namespace
 
 std::string call_mapletctl(const std::vector<std::string>& arguments) {
-  std::vector<std::string> words{find_mapletctl()};
+  std::vector<std::string> words = emulator();
+  words.push_back(find_mapletctl());
   words.insert(words.end(), arguments.begin(), arguments.end());
   std::vector<char*> argv;
   for (std::string& word : words) argv.push_back(word.data());

@@ -9,6 +9,7 @@ Both trajectories begin at the first frame, so they are compared as they are. Fa
 """
 import argparse
 import math
+import os
 import subprocess
 import sys
 import tempfile
@@ -27,8 +28,10 @@ def emulator(build):
 
 
 def fly(build, source, out):
-    subprocess.run([*emulator(build), build / "bin/mapletd", "--source", source, "--no-dds", "--out", out],
-                   check=True, capture_output=True)
+    words = emulator(build)
+    environment = os.environ | ({"MAPLET_EMULATOR": " ".join(map(str, words))} if words else {})
+    subprocess.run([*words, build / "bin/mapletd", "--source", source, "--no-dds", "--out", out],
+                   check=True, capture_output=True, env=environment)
 
 
 def poses(file):
