@@ -185,6 +185,7 @@ void App::process(const DepthFrame& frame) {
   say_tracking(step.track);
   last_stamp_ = frame.stamp;
   totals_.add(step);
+  free_ = free_axes_of(step.track);
   if (output_) {
     output_->frame(frame.index, step, digest_of(step, records_.pending(), agent_->skeleton()));
   }

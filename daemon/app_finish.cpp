@@ -85,7 +85,7 @@ void App::say_notable() const {
     log_warning(fmt::format(
         "{}: in {} of {} frames nothing was seen along some direction; the pose "
         "along it is the prediction's, known to {:.2g} m",
-        config_.input.source, totals_.partly_free, totals_.processed, totals_.free_sigma_m));
+        config_.input.source, totals_.partly_free, totals_.processed, totals_.free.sigma_m));
   }
   const SourceCounters counted = source_counters();
   if (counted.unreadable + counted.out_of_order == 0) return;

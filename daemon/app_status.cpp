@@ -19,7 +19,7 @@ void App::publish_status(StatusRecord::State state) {
   const std::uint64_t held = radio_ ? radio_->records_digest() : 0;  // before settled is asked
   board_.note({record, latency, agent_->settled() && (!radio_ || radio_->settled()),
                agent_->skeleton().records_digest(), held, agent_->range_counters(),
-               agent_->map_frame()});
+               agent_->map_frame(), free_, agent_->tracking()});
   if (publisher_) (void)publisher_->publish(record);
 }
 

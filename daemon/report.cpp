@@ -7,6 +7,7 @@
 
 #include "daemon/alloc_counter.hpp"
 #include "daemon/memory_status.hpp"
+#include "daemon/tracking_json.hpp"
 #include "transport/exchange/delta_pose_record.hpp"
 
 namespace maplet::daemon {
@@ -63,7 +64,6 @@ std::string report_json(const RunTotals& totals, const SourceCounters& source,
                         const StageMeters& meters, std::size_t arena_bytes,
                         const RadioStatus* radio, const Agent& agent) {
   const Skeleton& skeleton = agent.skeleton();
-  const TrackerCounters& tracking = agent.tracking();
   Json report;
   report["version"] = MAPLET_VERSION;
   report["complete"] = totals.complete;
@@ -75,12 +75,11 @@ std::string report_json(const RunTotals& totals, const SourceCounters& source,
   for (std::size_t i = 0; i < kStages; ++i) {
     report["stages"][kStageNames[i]] = stage_json(meters.of(static_cast<Stage>(i)));
   }
-  report["tracking"] = {
-      {"keyframes", totals.keyframes},          {"lost", totals.lost},
-      {"recovered", tracking.recovered},        {"gaps", tracking.segments + tracking.leaps},
-      {"partly_free", totals.partly_free},      {"free_sigma_m", totals.free_sigma_m},
-      {"with_gray", tracking.with_gray},        {"hints_used", tracking.hints_used},
-      {"hints_refused", tracking.hints_refused}};
+  Json& track = report["tracking"];
+  track = {{"keyframes", totals.keyframes}, {"lost", totals.lost}};
+  add_tracking(agent.tracking(), track);
+  track["partly_free"] = totals.partly_free;
+  add_free_axes(totals.free, track);
   report["maplets"] = {
       {"count", totals.maplets},
       {"bytes_min", totals.maplet_bytes_min},

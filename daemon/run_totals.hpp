@@ -6,6 +6,7 @@
 #include <cstdint>
 
 #include "core/agent/agent.hpp"
+#include "daemon/free_axes.hpp"
 
 namespace maplet::daemon {
 
@@ -15,7 +16,7 @@ struct RunTotals {
   std::uint64_t dropped = 0;      ///< late in recorded pace
   std::uint64_t lost = 0;         ///< processed, but not tracked
   std::uint64_t partly_free = 0;  ///< tracked, but along some direction nothing was seen
-  double free_sigma_m = 0.0;      ///< the largest standard deviation of a place in these
+  FreeAxes free;                  ///< the worst in these
   std::uint32_t keyframes = 0;
   std::uint32_t maplets = 0;
   std::uint64_t maplet_bytes = 0;
@@ -36,8 +37,7 @@ struct RunTotals {
     if (step.keyframe != nullptr) ++keyframes;
     if (step.track.state == Track::State::kTracking && !step.track.free_axes.empty()) {
       ++partly_free;
-      const double variance = step.track.covariance.diagonal().head<3>().maxCoeff();
-      free_sigma_m = std::max(free_sigma_m, std::sqrt(variance));
+      free.take_worse(free_axes_of(step.track));
     }
     if (step.closed != nullptr) add(*step.closed);
   }

@@ -6,6 +6,8 @@
 
 #include "core/agent/map_frame.hpp"
 #include "core/agent/range_keeper.hpp"
+#include "core/odometry/tracker.hpp"
+#include "daemon/free_axes.hpp"
 #include "transport/exchange/status_record.hpp"
 
 namespace maplet::daemon {
@@ -24,6 +26,8 @@ class StatusBoard {
     std::uint64_t records_digest = 0;   ///< of those held then
     RangeCounters ranges;
     MapFrame::Notice frame;
+    FreeAxes free;  ///< of the newest frame
+    TrackerCounters tracking;
   };
 
   void note(const Notice& notice) noexcept {

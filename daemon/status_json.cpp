@@ -9,6 +9,7 @@
 
 #include "core/ports/stage_meter.hpp"
 #include "daemon/alloc_counter.hpp"
+#include "daemon/tracking_json.hpp"
 #include "transport/exchange/record_key.hpp"
 
 namespace maplet::daemon {
@@ -195,7 +196,10 @@ nlohmann::ordered_json status_json(const StatusBoard::Notice& notice, const Memo
                                                    {"deadline_misses", t.deadline_misses}};
   }
   json["memory"] = memory_json(memory);
-  json["tracking"] = {{"now", s.tracking}, {"keyframes", s.keyframes}, {"lost", s.frames_lost}};
+  Json& track = json["tracking"];
+  track = {{"now", s.tracking}, {"keyframes", s.keyframes}, {"lost", s.frames_lost}};
+  add_tracking(notice.tracking, track);
+  add_free_axes(notice.free, track);
   json["maplets"] = s.maplets;
   json["delta_poses"] = s.delta_poses;
   json["closures"] = s.closures;

@@ -213,6 +213,7 @@ void Agent::take(const MapletCut& closed, Deadline deadline) noexcept {
           return registrar_.link(*previous_, closed.maplet, closed.link, until);
         });
     record_and_add(link, deadline);
+    if (loose(link.covariance)) encounters_.begin_part(key.id);
   }
   map_frame_.hang_from(key, closed.T_odom_origin);
   close_loops(closed.maplet, deadline);
@@ -221,7 +222,7 @@ void Agent::take(const MapletCut& closed, Deadline deadline) noexcept {
 }
 
 void Agent::close_loops(const Maplet& newest, Deadline deadline) noexcept {
-  OwnPlaces places{skeleton_, store_, *older_};
+  OwnPlaces places{skeleton_, views_, store_, *older_};
   const auto closures = timed(Stage::kRegistration, budget_.registration, deadline,
                               [&](Deadline until) { return closures_.run(newest, places, until); });
   for (const DeltaPose& closure : closures) record_and_add(closure, deadline);

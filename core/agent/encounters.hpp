@@ -61,6 +61,8 @@ class Encounters {
     part_ = first_id;
     restored_ = restored;
   }
+  /// The same after a gap in this run.
+  void begin_part(std::uint32_t first_id) noexcept { part_ = first_id; }
   /// This agent cut a maplet.
   void add_own(const Maplet& maplet) noexcept;
 

@@ -30,6 +30,14 @@ void MapletViews::add(const Maplet& maplet) noexcept {
   }
 }
 
+std::optional<StoredView> MapletViews::origin_of(const MapletKey& key) const noexcept {
+  const auto views = views_.first(count_);
+  const auto view = std::find_if(views.begin(), views.end(),
+                                 [&](const View& v) { return v.keyframe == 0 && v.maplet == key; });
+  if (view == views.end()) return {};
+  return view->stored;
+}
+
 bool MapletViews::draw(std::size_t index, const CameraModel& camera, PatchSet& out) noexcept {
   const View& view = views_[index];
   if (!any_decoded_ || decoded_->key != view.maplet) {

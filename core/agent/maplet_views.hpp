@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <span>
 
 #include "core/agent/maplet_store.hpp"
@@ -30,6 +31,9 @@ class MapletViews final : public ViewSource {
   void saw(const Keyframe& keyframe) noexcept;
   /// A maplet was put into the store, made of keyframes seen before.
   void add(const Maplet& maplet) noexcept;
+
+  /// Where the odometry had a maplet's origin; nothing when that is forgotten. O(views)
+  [[nodiscard]] std::optional<StoredView> origin_of(const MapletKey& key) const noexcept;
 
   [[nodiscard]] std::size_t count() const noexcept override { return count_; }
   [[nodiscard]] StoredView at(std::size_t index) const noexcept override {

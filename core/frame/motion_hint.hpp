@@ -11,8 +11,9 @@ struct MotionHint {
   bool has_pose = false;
   /// External odometry: the camera in a frame of the odometry's own, drifting.
   Se3 T_external_camera;
-  /// Of the motion since the frame before, tangent of camera; zero = not said.
-  Matrix6d step_covariance = Matrix6d::Zero();
+  /// The covariances of all its steps since some moment, summed up, tangent of camera; zero = not
+  /// said.
+  Matrix6d path_covariance = Matrix6d::Zero();
 
   bool has_turn = false;
   /// Gyro: the rates integrated since some moment, camera's orientation in a frame of its own.

@@ -163,8 +163,9 @@ MapletBuilder::Member MapletBuilder::follow(const Keyframe& keyframe) const noex
   member.T_odom_camera = keyframe.T_odom_camera.se3;
   if (members_.empty()) return member;
   const Member& last = members_.back();
-  PlanarMotion::Conditioned step{last.T_odom_camera.inverse() * member.T_odom_camera,
-                                 keyframe.covariance};
+  PlanarMotion::Conditioned step{
+      (keyframe.T_odom_before * last.T_odom_camera).inverse() * member.T_odom_camera,
+      keyframe.covariance};
   if (planar_) step = planar_->condition(step.T, step.covariance);
   member.covariance = chain(last.covariance, step.T, step.covariance);
   member.T_origin_camera = last.T_origin_camera * step.T;

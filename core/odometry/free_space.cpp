@@ -60,12 +60,12 @@ void mark_what_hangs_on(PatchView& frame) noexcept {
 
 }  // namespace
 
-void mark_what_moves(PatchView& frame, std::span<const Reference> keyframes,
-                     const Se3& T_odom_camera) noexcept {
+double mark_what_moves(PatchView& frame, std::span<const Reference> keyframes,
+                       const Se3& T_odom_camera) noexcept {
   for (const Reference& keyframe : keyframes) {
     const Se3 T_frame_keyframe = (keyframe.T_reference_odom * T_odom_camera).inverse();
     const double gone = pixels_through(keyframe.view->facets(), frame, T_frame_keyframe);
-    if (gone > kMostMoves * keyframe.view->pixels()) return;
+    if (gone > kMostMoves * keyframe.view->pixels()) return 0.0;
     if (gone > 0.0) mark_through(keyframe.view->facets(), frame, T_frame_keyframe);
   }
   double moving = 0.0;
@@ -84,12 +84,15 @@ void mark_what_moves(PatchView& frame, std::span<const Reference> keyframes,
     facet.stood = on_still && !through;
     if (facet.moved) moving += facet.pixels;
   }
-  if (moving == 0.0) return;
+  if (moving == 0.0) return 0.0;
   if (moving <= kMostMoves * frame.pixels()) {
     mark_what_hangs_on(frame);
-    return;
+    moving = 0.0;
+    for (const Facet& facet : frame.facets()) moving += facet.moved ? facet.pixels : 0.0;
+    return moving / frame.pixels();
   }
   for (Facet& facet : frame.facets()) facet.moved = false;
+  return 0.0;
 }
 
 }  // namespace maplet

@@ -12,10 +12,11 @@ namespace maplet {
 /// marked, too, and so is what hangs together with it and no keyframe knows. Nothing is marked
 /// where half of the image would be: then the pose is doubtful.
 ///
+/// @return share of the frame's pixels that are marked
 /// @param keyframes  without the frame before; their facets are marked, too
 /// Time   O(keyframes * patches)
 /// Math   docs/math/odometry.md, section "What moves"
-void mark_what_moves(PatchView& frame, std::span<const Reference> keyframes,
-                     const Se3& T_odom_camera) noexcept;
+double mark_what_moves(PatchView& frame, std::span<const Reference> keyframes,
+                       const Se3& T_odom_camera) noexcept;
 
 }  // namespace maplet

@@ -17,15 +17,19 @@ constexpr double kWayM = 0.2;
 constexpr double kWayRad = 0.3;
 constexpr double kWaySigmaM = 0.01;
 constexpr double kWaySigmaRad = 0.01;
+constexpr double kUnseen = 1e4;    // m^2, rad^2
+constexpr double kNewAxis = 0.1;   // squared, outside of those known already
 constexpr double kWayGate = 24.0;  // chi-square of 6 degrees of freedom, 5e-4
+
+bool says_how_sure(const MotionHint& hint) noexcept { return !hint.path_covariance.isZero(); }
 
 }  // namespace
 
 bool HintFollower::motion(Kind kind, const MotionHint& now, HintedMotion& out) const noexcept {
-  return known_ && between(kind, last_, now, 1, out);
+  return known_ && between(kind, last_, now, out);
 }
 
-bool HintFollower::between(Kind kind, const MotionHint& from, const MotionHint& now, int steps,
+bool HintFollower::between(Kind kind, const MotionHint& from, const MotionHint& now,
                            HintedMotion& out) const noexcept {
   out.information.setZero();
   if (kind == kTurn) {
@@ -37,8 +41,8 @@ bool HintFollower::between(Kind kind, const MotionHint& from, const MotionHint& 
   }
   if (!now.has_pose || !from.has_pose) return false;
   out.T_last_now = from.T_external_camera.inverse() * now.T_external_camera;
-  Matrix6d covariance = steps * now.step_covariance;
-  if (covariance.isZero()) {
+  Matrix6d covariance = now.path_covariance - from.path_covariance;
+  if (!says_how_sure(now)) {
     const double m = config_.external_share * out.T_last_now.t.norm();
     const double rad = config_.external_share * out.T_last_now.angle();
     covariance.diagonal() << Eigen::Vector3d::Constant(m * m), Eigen::Vector3d::Constant(rad * rad);
@@ -50,30 +54,49 @@ bool HintFollower::between(Kind kind, const MotionHint& from, const MotionHint& 
          out.information.allFinite();
 }
 
-void HintFollower::look_back(const MotionHint& now, const Se3& T_odom_camera, bool alone) noexcept {
+void HintFollower::look_back(const MotionHint& now, const Se3& T_odom_camera,
+                             std::span<const Vector6d> free) noexcept {
   const Se3 seen = way_.T_odom_camera.inverse() * T_odom_camera;
-  ++way_.steps;
-  const bool over = seen.t.norm() > kWayM || seen.angle() > kWayRad;
-  if (way_.begun && !alone && !over) return;
+  for (const Vector6d& axis : free) {
+    const Vector6d rest = axis - way_.free * axis;
+    if (rest.squaredNorm() > kNewAxis) way_.free += rest * rest.transpose() / rest.squaredNorm();
+  }
+  if (way_.begun && seen.t.norm() <= kWayM && seen.angle() <= kWayRad) return;
   for (const auto kind : {kPose, kTurn}) {
     HintedMotion said;
-    if (!way_.begun || alone || !between(kind, way_.hint, now, way_.steps, said)) continue;
+    if (!way_.begun || !between(kind, way_.hint, now, said)) continue;
     const Vector6d off = (said.T_last_now.inverse() * seen).log();
-    // In both the motion that was seen is uncertain, too; a gyro knows no translation.
-    Vector6d sigma;
-    sigma << Eigen::Vector3d::Constant(kWaySigmaM), Eigen::Vector3d::Constant(kWaySigmaRad);
+    // In both the motion that was seen is uncertain, too, and unknown along what was not seen; a
+    // gyro knows no translation.
+    Vector6d variance;
+    variance << Eigen::Vector3d::Constant(kWaySigmaM * kWaySigmaM),
+        Eigen::Vector3d::Constant(kWaySigmaRad * kWaySigmaRad);
+    Matrix6d covariance = kUnseen * way_.free;
+    covariance.diagonal() += variance;
     double chi2 = 0.0;
     if (kind == kTurn) {
-      const double variance = 1.0 / said.information(5, 5) + kWaySigmaRad * kWaySigmaRad;
-      chi2 = off.tail<3>().squaredNorm() / variance;
+      Eigen::Matrix3d turn = covariance.bottomRightCorner<3, 3>();
+      turn.diagonal().array() += 1.0 / said.information(5, 5);
+      chi2 = off.tail<3>().dot(turn.inverse() * off.tail<3>());
     } else {
-      Matrix6d covariance = said.information.inverse();
-      covariance.diagonal() += sigma.cwiseAbs2();
+      covariance += said.information.inverse();
       chi2 = off.dot(covariance.inverse() * off);
     }
     states_[kind].agreed_over_way = chi2 < kWayGate;
   }
-  way_ = {now, T_odom_camera, 0, true};
+  way_ = {now, T_odom_camera, Matrix6d::Zero(), true};
+}
+
+Matrix6d HintFollower::rely(const HintedMotion& step, std::span<const Vector6d> free) noexcept {
+  const double before = relied_.squaredNorm();
+  const Vector6d whole = step.T_last_now.inverse().adjoint() * relied_ + step.T_last_now.log();
+  relied_.setZero();
+  for (const Vector6d& axis : free) relied_ += axis * axis.dot(whole);
+  const double grown = relied_.squaredNorm() - before;
+  if (!(grown > 0.0)) return Matrix6d::Zero();  // the way back undoes the error of the way there
+  const Vector6d along = relied_.normalized();
+  const double share = config_.external_share;
+  return share * share * grown * (along * along.transpose());
 }
 
 bool HintFollower::judge(Kind kind, bool agreed) noexcept {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 
 #include "core/base/static_vector.hpp"
 #include "core/frame/motion_hint.hpp"
@@ -40,8 +41,14 @@ class HintFollower {
   }
   /// Compares what was seen with what was said over a longer way than a frame's: what is a few
   /// per cent of a step off, each time to the same side, is only seen there.
-  /// @param alone  along some axis nothing was seen but what hints filled: no comparison
-  void look_back(const MotionHint& now, const Se3& T_odom_camera, bool alone) noexcept;
+  /// @param free  tangents of camera along which nothing was seen but what hints filled: the rest
+  ///   is compared
+  void look_back(const MotionHint& now, const Se3& T_odom_camera,
+                 std::span<const Vector6d> free) noexcept;
+  /// A frame in which external odometry filled the free axes. Its share of error is the same all
+  /// the way (a wheel's radius), not drawn anew for each step.
+  /// @return what the covariance of the pose grows by because of that
+  [[nodiscard]] Matrix6d rely(const HintedMotion& step, std::span<const Vector6d> free) noexcept;
   /// @param agreed  in this frame; what the last longer way showed is added
   /// @return whether both did
   bool judge(Kind kind, bool agreed) noexcept;
@@ -55,16 +62,17 @@ class HintFollower {
   struct Way {  ///< since its beginning
     MotionHint hint;
     Se3 T_odom_camera;
-    int steps = 0;
+    Matrix6d free = Matrix6d::Zero();  ///< projects on what was not seen in some frame of it
     bool begun = false;
   };
-  [[nodiscard]] bool between(Kind kind, const MotionHint& from, const MotionHint& now, int steps,
+  [[nodiscard]] bool between(Kind kind, const MotionHint& from, const MotionHint& now,
                              HintedMotion& out) const noexcept;
 
   OdometryConfig config_;
   MotionHint last_;
   bool known_ = false;
   Way way_;
+  Vector6d relied_ = Vector6d::Zero();  ///< the way that hints alone have made, tangent of camera
   State states_[kKinds];
 };
 

@@ -21,6 +21,7 @@ struct Keyframe {
   std::uint32_t blind_spells = 0;
   Stamp stamp{};
   Transform<OdomFrame, CameraFrame> T_odom_camera;
+  Se3 T_odom_before;  ///< Track::T_odom_before
   /// Of T_previous_this, tangent of this; after a loss the honest covariance of the gap.
   Matrix6d covariance = Matrix6d::Zero();
   PatchSet patches;

@@ -24,6 +24,8 @@ class MotionFilter {
   void predict(double dt_s, bool damped) noexcept;
   /// The time that passed is known only to this, one sigma.
   void blur(double sigma_s) noexcept;
+  /// The pose is less certain by this (tangent of camera).
+  void widen(const Matrix6d& covariance) noexcept { P_.topLeftCorner<6, 6>() += covariance; }
   /// A frame whose time makes no sense: the camera may have moved on by a frame, or not.
   void loosen() noexcept;
   /// Takes over an aligned pose whose free axes were filled from the prediction.

@@ -22,6 +22,7 @@ constexpr double kStepRad = 2.5e-4;
 constexpr double kMaxChi2PerDof = 2.5;
 // Walls and floors look alike: of any two views of rooms a third agrees somewhere by chance.
 constexpr double kMinAgreement = 0.55;
+constexpr double kMuchSeen = 0.3;
 
 // How far parts of the evidence pull apart (eq. 15), whitened by the whole.
 struct Pull {
@@ -185,6 +186,9 @@ void PatchAligner::judge(std::span<const Facet> facets, References references,
     if (overlap > out.overlap) {
       out.overlap = overlap;
       out.agreement = verdict.pixels / std::max(1.0, landed_[r]);
+    }
+    if (overlap > kMuchSeen) {
+      out.most_agreement = std::max(out.most_agreement, verdict.pixels / std::max(1.0, landed_[r]));
     }
     if (r == 0) out.first_overlap = overlap;
     if (r == 1 && !references[r].previous) {

@@ -59,6 +59,7 @@ struct Alignment {
   /// Of the pixels that lie on a patch of that best reference, the share on inliers: what both
   /// views should see is there.
   double agreement = 0.0;
+  double most_agreement = 0.0;   ///< the same for whichever agrees most, of those much seen
   double older_agreement = 1.0;  ///< the same for an older keyframe; 1 without one
   std::uint32_t iterations = 0;
   Stop stop = Stop::kConverged;

@@ -2,8 +2,11 @@
 #include "core/odometry/relocaliser.hpp"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+
+#include "core/odometry/telling.hpp"
 
 namespace maplet {
 
@@ -18,6 +21,7 @@ constexpr double kStartSlack = 0.1;    // m, rad
 constexpr double kLoosePrior = 1.0;    // information, 1/m^2 and 1/rad^2
 constexpr double kFloorM = 0.05;
 constexpr double kFloorRad = 0.05;
+constexpr double kSlideM = 0.25;
 constexpr double kGate = 32.0;  // chi-square of 6 degrees of freedom, 2e-5
 
 double largest_sigma(const Eigen::Matrix3d& covariance) noexcept {
@@ -65,7 +69,25 @@ bool Relocaliser::recognise(const PatchView& frame, const Reference& reference,
   const PosePrior prior{T_odom_view, kLoosePrior * Matrix6d::Identity()};
   out = aligner.run(frame, {&reference, 1}, prior, {T_odom_view, kStartSlack, kStartSlack},
                     no_photo, deadline);
-  return usable(out, config_) && out.overlap > kFoundOverlap && out.free_axes.empty();
+  if (!found(out)) return false;
+  // What slid along a wall fits, too, though less.
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen{
+      Eigen::Matrix3d{out.information.topLeftCorner<3, 3>()}};
+  Vector6d slide = Vector6d::Zero();
+  slide.head<3>() = eigen.eigenvectors().col(0);
+  const Se3 first = out.T_odom_camera;
+  for (const double way : {kSlideM, -kSlideM}) {
+    const Se3 start = first * Se3::exp(way * slide);
+    const Alignment other = aligner.run(frame, {&reference, 1}, {start, prior.information},
+                                        {start, kStartSlack, kStartSlack}, no_photo, deadline);
+    if (found(other) && other.overlap > out.overlap) out = other;
+  }
+  return true;
+}
+
+bool Relocaliser::found(const Alignment& alignment) const noexcept {
+  return usable(alignment, config_) && alignment.overlap > kFoundOverlap &&
+         alignment.free_axes.empty();
 }
 
 // The keyframe within reach on which the most of the frame lies as it is; kNothing without one.
@@ -83,42 +105,55 @@ std::size_t Relocaliser::likeliest(const PatchView& frame, const KeyframePool& p
   return best;
 }
 
-bool Relocaliser::run(const PatchView& frame, const KeyframePool& pool, PatchAligner& aligner,
-                      PhotoTerm& no_photo, const Whereabouts& whereabouts, Deadline deadline,
-                      Recognition& out) noexcept {
-  const std::size_t all = pool.size() + (views_ == nullptr ? 0 : views_->count());
+StoredView Relocaliser::place_of(const KeyframePool& pool, std::size_t which) const noexcept {
+  if (which >= pool.size()) return views_->at(which - pool.size());
+  return {pool.place(which).T_odom_camera, pool.place(which).segment};
+}
+
+Relocaliser::Recognitions Relocaliser::run(const PatchView& frame, const KeyframePool& pool,
+                                           PatchAligner& aligner, PhotoTerm& no_photo,
+                                           const Whereabouts& whereabouts, std::size_t most,
+                                           Deadline deadline) noexcept {
+  Recognitions found;
+  const std::size_t count = all(pool);
   const std::size_t first = likeliest(frame, pool, whereabouts);
   int tries = 0;
   int draws = 0;
-  for (std::size_t i = 0; i <= all && tries < kTries && draws < kDraws; ++i) {
-    if (i > 0) next_ = (next_ + 1) % all;
+  for (std::size_t i = 0; i <= count && tries < kTries && draws < kDraws; ++i) {
+    if (tries + draws > 0 && deadline.expired()) break;
+    if (i > 0) {
+      next_ = (next_ + 1) % count;
+      ++passed_;
+    }
     if (i == 0 ? first == kNothing : next_ == first) continue;
     const std::size_t which = i == 0 ? first : next_;
-    const bool stored = which >= pool.size();
-    const std::size_t index = stored ? which - pool.size() : which;
-    const StoredView at =
-        stored ? views_->at(index)
-               : StoredView{pool.place(index).T_odom_camera, pool.place(index).segment};
+    const StoredView at = place_of(pool, which);
     if (!may_be(whereabouts, at)) continue;
-    if (tries + draws > 0 && deadline.expired()) return false;
+    const bool stored = which >= pool.size();
     Reference reference{&drawn_view_, at.T_odom_view.inverse()};
     if (stored) {
       ++draws;
-      if (!views_->draw(index, frame.camera(), *drawn_)) continue;
+      if (!views_->draw(which - pool.size(), frame.camera(), *drawn_)) continue;
       drawn_view_.assign(*drawn_, config_);
     } else {
-      reference = pool.reference(index);
+      reference = pool.reference(which);
     }
     if (frame.share_on(*reference.view, Se3{}) < kScreen) continue;
     ++tries;
-    if (!recognise(frame, reference, aligner, no_photo, deadline, out.alignment)) continue;
-    const Se3 off = whereabouts.T_odom_camera.inverse() * out.alignment.T_odom_camera;
-    if (!within_gate(off, covariance_of(whereabouts, at.segment))) continue;
-    out.segment = at.segment;
-    out.stored = stored;
-    return true;
+    Recognition tried;
+    if (!recognise(frame, reference, aligner, no_photo, deadline, tried.alignment)) continue;
+    const Se3& T_odom_camera = tried.alignment.T_odom_camera;
+    if (!within_gate(whereabouts.T_odom_camera.inverse() * T_odom_camera,
+                     covariance_of(whereabouts, at.segment))) {
+      continue;
+    }
+    tried.segment = at.segment;
+    tried.stored = stored;
+    tried.telling = telling(*reference.view, frame, reference.T_reference_odom * T_odom_camera);
+    found.push_back(tried);
+    if (found.size() == most) break;
   }
-  return false;
+  return found;
 }
 
 }  // namespace maplet

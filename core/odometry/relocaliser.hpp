@@ -1,10 +1,12 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 
 #include "core/base/arena.hpp"
 #include "core/base/deadline.hpp"
+#include "core/base/static_vector.hpp"
 #include "core/odometry/keyframe_pool.hpp"
 #include "core/odometry/odometry_config.hpp"
 #include "core/odometry/patch_aligner.hpp"
@@ -26,7 +28,8 @@ struct Whereabouts {
 struct Recognition {
   Alignment alignment;
   std::uint32_t segment = 0;
-  bool stored = false;  ///< in a stored view, not in a keyframe
+  bool stored = false;   ///< in a stored view, not in a keyframe
+  bool telling = false;  ///< more than bare walls agree
 };
 
 /// Looks for a view in the keyframes of the pool and in stored views, a few of them a frame, only
@@ -40,23 +43,39 @@ class Relocaliser {
  public:
   static constexpr int kTries = 2;
   static constexpr int kDraws = 4;
+  static constexpr std::size_t kRound = 96;
 
   Relocaliser(const OdometryConfig& config, Arena& arena);
 
   /// Stored views from now on; must outlive this.
   void look_through(ViewSource& views) noexcept { views_ = &views; }
 
+  using Recognitions = StaticVector<Recognition, kTries>;
   /// First the keyframe that shows most of the frame as it is; then goes on where the last call
-  /// ended.
-  [[nodiscard]] bool run(const PatchView& frame, const KeyframePool& pool, PatchAligner& aligner,
-                         PhotoTerm& no_photo, const Whereabouts& whereabouts, Deadline deadline,
-                         Recognition& out) noexcept;
+  /// ended. @param most  ends after so many recognitions
+  [[nodiscard]] Recognitions run(const PatchView& frame, const KeyframePool& pool,
+                                 PatchAligner& aligner, PhotoTerm& no_photo,
+                                 const Whereabouts& whereabouts, std::size_t most,
+                                 Deadline deadline) noexcept;
+
+  /// From here on it counts which views were passed over or tried.
+  void begin_round() noexcept { passed_ = 0; }
+  /// Enough of them were, since then: of keyframes and stored views kRound, or all if there are
+  /// fewer; as many as there are keyframes where what was found is `near` to what was expected.
+  [[nodiscard]] bool round_complete(const KeyframePool& pool, bool near) const noexcept {
+    return passed_ >= std::min(all(pool), near ? pool.size() : kRound);
+  }
 
  private:
   static constexpr std::size_t kNothing = static_cast<std::size_t>(-1);
 
+  [[nodiscard]] std::size_t all(const KeyframePool& pool) const noexcept {
+    return pool.size() + (views_ == nullptr ? 0 : views_->count());
+  }
+  [[nodiscard]] StoredView place_of(const KeyframePool& pool, std::size_t which) const noexcept;
   [[nodiscard]] std::size_t likeliest(const PatchView& frame, const KeyframePool& pool,
                                       const Whereabouts& whereabouts) const noexcept;
+  [[nodiscard]] bool found(const Alignment& alignment) const noexcept;
   [[nodiscard]] bool recognise(const PatchView& frame, const Reference& reference,
                                PatchAligner& aligner, PhotoTerm& no_photo, Deadline deadline,
                                Alignment& out) const noexcept;
@@ -65,7 +84,8 @@ class Relocaliser {
   ViewSource* views_ = nullptr;
   Arena::Owned<PatchSet> drawn_;
   PatchView drawn_view_;
-  std::size_t next_ = 0;  ///< of the keyframes and stored views in one row
+  std::size_t next_ = 0;    ///< of the keyframes and stored views in one row
+  std::size_t passed_ = 0;  ///< of these, since the round began
 };
 
 }  // namespace maplet

@@ -20,11 +20,14 @@ enum class Loss : std::uint8_t {
   kFewPatches,  ///< hardly anything flat
   kFewInliers,  ///< what is seen does not fit the keyframes
   kInconsistent,  ///< it fits, but nothing moves like that
+  kUnsure,        ///< after so long it may fit in many places: others are asked first
 };
+inline constexpr std::size_t kLosses = 7;
 
 [[nodiscard]] constexpr std::string_view to_string(Loss loss) noexcept {
-  constexpr std::string_view kNames[] = {"none",        "no depth",    "covered",
-                                         "few patches", "few inliers", "inconsistent motion"};
+  constexpr std::string_view kNames[] = {"none",          "no depth",    "covered",
+                                         "few patches",   "few inliers", "inconsistent motion",
+                                         "not sure where"};
   return kNames[static_cast<std::size_t>(loss)];
 }
 
@@ -50,6 +53,9 @@ struct Track {
   double disagreement = 1.0;
   bool gray = false;   ///< intensities took part
   bool leapt = false;  ///< the stamp is so far ahead that anything may have happened
+  /// Where the camera jumped to an earlier segment: maps poses before into odometry's frame as it
+  /// is from here on. The identity else.
+  Se3 T_odom_before;
   std::uint32_t iterations = 0;
   Stop stop = Stop::kConverged;
   bool keyframe_due = false;  ///< this frame should become a keyframe

@@ -14,10 +14,18 @@ namespace maplet {
 namespace {
 
 constexpr double kLeastVariance = 1e-10;
-constexpr double kGapS = 0.25;        // after which the last velocity says little
-constexpr double kMostGapS = 30.0;    // a stamp that jumps farther tells no more
-constexpr int kBackwardToFollow = 3;  // frames in a row: the source's time begins anew
+constexpr double kGapS = 0.25;      // after which the last velocity says little
+constexpr double kMostGapS = 30.0;  // a stamp that jumps farther tells no more
+constexpr double kUnusual = 3.0;    // times the usual step: a gap
+constexpr double kUsualGain = 0.1;
+constexpr double kAgreementGain = 0.3;  // who walks in changes it, too
+constexpr int kBackwardToFollow = 3;    // frames in a row: the source's time begins anew
 constexpr double kBetterOverlap = 1.1;
+constexpr double kMuchMoves = 0.1;
+// What moves is near, and near surfaces are known best: a body that fills a third of the view pulls
+// the pose along by centimetres a frame (docs/math/odometry.md, "What moves").
+constexpr double kPulledM = 0.06;    // a frame, times the share of the view
+constexpr double kPulledRad = 0.02;  // the same
 constexpr double kStillOverlap = 0.97;
 // Standard deviations of a start from which intensities may lead.
 constexpr double kGrayNearM = 0.05;
@@ -97,26 +105,43 @@ Track Tracker::run(const DepthFrame& frame, const PatchSet& patches, Deadline de
   Matrix6d covariance = filter_.covariance();
   covariance.diagonal().array() += kLeastVariance;
   prior.information = covariance.inverse();
+  if (may_be_anywhere(frame.stamp)) {
+    Alignment found;
+    if (find_out(found, deadline)) {
+      ++counters_.recovered;
+      accept(frame, found, track);
+    } else if (++usable_while_lost_ >= patience()) {
+      begin_segment(frame, track);
+    } else {
+      lose(Loss::kUnsure, track);
+    }
+    return track;
+  }
   const KeyframePool::References seen = references();
   Alignment alignment = align(seen, prior, guess, deadline);
   const Loss loss = trouble(alignment, frame.stamp);
   if (loss == Loss::kNone) {
     if (lost_) ++counters_.recovered;
-    if (lost_) {
+    if (lost_ && !unexplained_) {
       // Where it went on may look alike: keyframes that fit better have the word.
       const double fits = alignment.free_axes.empty() ? kBetterOverlap * alignment.overlap : 0.0;
       (void)relocalise(alignment, fits, deadline);
     } else if (!gap_covariance_.isZero()) {
-      (void)relocalise(alignment, 0.0, deadline);
+      contenders_.step(T_odom_last_.inverse() * alignment.T_odom_camera);
+      (void)find_out(alignment, deadline);
     } else {
       return_to_older(seen, alignment, deadline);
     }
     accept(frame, alignment, track);
-    mark_what_moves(views_[now_], keyframes_of(seen), alignment.T_odom_camera);
-  } else if (lost_ && relocalise(alignment, 0.0, deadline)) {
+    const double moving =
+        mark_what_moves(views_[now_], keyframes_of(seen), alignment.T_odom_camera);
+    if (moving > kMuchMoves) ++counters_.with_moving;
+    doubt(moving, track);
+  } else if (lost_ && (unexplained_ ? find_out(alignment, deadline)
+                                    : relocalise(alignment, 0.0, deadline))) {
     ++counters_.recovered;
     accept(frame, alignment, track);
-  } else if (lost_ && ++usable_while_lost_ >= config_.lost_frames) {
+  } else if (lost_ && ++usable_while_lost_ >= patience()) {
     begin_segment(frame, track);
   } else {
     lose(loss, track);
@@ -134,6 +159,9 @@ void Tracker::predict(Stamp stamp) noexcept {
   }
   backward_ = 0;
   last_stamp_ = stamp;
+  if (usual_step_s_ == 0.0) usual_step_s_ = dt_s;
+  if (dt_s > anywhere_s(config_) && dt_s > kUnusual * usual_step_s_ && !pool_.empty()) lost_ = true;
+  usual_step_s_ += kUsualGain * (std::min(dt_s, kMostGapS) - usual_step_s_);
   if (dt_s > kMostGapS && !pool_.empty()) {
     // Where the camera is may only be recognised, as after a loss.
     ++counters_.leaps;
@@ -207,6 +235,12 @@ Alignment Tracker::refine(const KeyframePool::References& references, const Alig
   return better ? refined : patches;
 }
 
+void Tracker::doubt(double moving_share, Track& track) noexcept {
+  moved_ += moving_share * moving_share;
+  track.covariance.diagonal().head<3>().array() += kPulledM * kPulledM * moved_;
+  track.covariance.diagonal().tail<3>().array() += kPulledRad * kPulledRad * moved_;
+}
+
 void Tracker::accept(const DepthFrame& frame, const Alignment& alignment, Track& track) noexcept {
   disagreement_.add(alignment.disagreement, alignment.expected_disagreement);
   track.disagreement = std::max(kLeastDisagreement, disagreement_.value());
@@ -215,9 +249,18 @@ void Tracker::accept(const DepthFrame& frame, const Alignment& alignment, Track&
   photo_.learn(alignment);
   filter_.update(alignment.T_odom_camera, alignment.information / track.disagreement,
                  {alignment.free_axes.data(), alignment.free_axes.size()});
+  if (relied_on_ && frame.motion.path_covariance.isZero()) {
+    filter_.widen(
+        hints_.rely(*relied_on_, {alignment.free_axes.data(), alignment.free_axes.size()}));
+  }
   tracked_stamp_ = frame.stamp;
   lost_ = false;
   usable_while_lost_ = 0;
+  unexplained_ = false;
+  usual_agreement_ =
+      usual_agreement_ == 0.0
+          ? alignment.most_agreement
+          : usual_agreement_ + kAgreementGain * (alignment.most_agreement - usual_agreement_);
   has_previous_ = true;
   T_odom_last_ = alignment.T_odom_camera;
   track.state = Track::State::kTracking;
@@ -225,7 +268,7 @@ void Tracker::accept(const DepthFrame& frame, const Alignment& alignment, Track&
   track.T_odom_camera = Transform<OdomFrame, CameraFrame>{alignment.T_odom_camera};
   track.T_keyframe_camera = Transform<KeyframeFrame, CameraFrame>{
       pool_.newest().T_odom_camera.se3.inverse() * alignment.T_odom_camera};
-  track.covariance = filter_.covariance();
+  track.covariance = tracked_covariance_ = filter_.covariance();
   track.free_axes = alignment.free_axes;
   track.inliers = alignment.inliers;
   track.overlap = alignment.overlap;
@@ -246,12 +289,12 @@ void Tracker::accept(const DepthFrame& frame, const Alignment& alignment, Track&
     track.keyframe_due = true;
   }
   if (!recognised_) return;
-  // No keyframe may see this: it becomes one. After a jump it hangs on the one before by the gap.
+  // No keyframe may see this: it becomes one.
   recognised_ = false;
   track.keyframe_due = true;
   if (!crossed_) return;
   crossed_ = false;
-  track.covariance += gap_covariance_;
+  track.T_odom_before = T_odom_before_;
   if (segment_ == 0) gap_covariance_.setZero();
 }
 
@@ -279,9 +322,12 @@ const Keyframe& Tracker::make_keyframe(const DepthFrame& frame, const PatchSet& 
   keyframe.stamp = frame.stamp;
   keyframe.T_odom_camera = track.T_odom_camera;
   keyframe.covariance = track.covariance;
+  keyframe.T_odom_before = track.T_odom_before;
   keyframe.patches = patches;
   first_after_keyframe_ = true;
   filter_.anchor();
+  tracked_covariance_.setZero();
+  moved_ = 0.0;
   photo_.make_keyframe(frame, patches, view());
   return pool_.commit(view());
 }

@@ -13,6 +13,9 @@ constexpr double kHintGate[] = {32.0, 24.0};  // chi-square of 6 and 3 degrees o
 // What others measured joins the prediction where the two agree; what contradicts it is kept as
 // another place to begin.
 void Tracker::take_hints(const MotionHint& hint, Guess& guess) noexcept {
+  relied_on_.reset();
+  bool used = false;
+  Matrix6d turn = Matrix6d::Identity();
   for (const auto kind : {HintFollower::kPose, HintFollower::kTurn}) {
     HintedMotion motion;
     if (!hints_.believed(kind) || !hints_.motion(kind, hint, motion)) continue;
@@ -21,15 +24,21 @@ void Tracker::take_hints(const MotionHint& hint, Guess& guess) noexcept {
     if (filter_.distance(hinted, motion.information).chi2 < kHintGate[kind]) {
       filter_.fuse(hinted, motion.information);
       ++counters_.hints_used;
+      used = true;
+      turn = motion.T_last_now.inverse().adjoint();
+      if (kind == HintFollower::kPose) relied_on_ = motion;
     } else if (!guess.any) {
       guess = {true, hinted};
     }
   }
+  // It is a motion since the last tracked frame: what was not known there is not known here.
+  if (used) filter_.widen(turn * tracked_covariance_ * turn.transpose());
 }
 
 // A hint is right when the motion that was seen is within its own and the filter's uncertainty.
 void Tracker::judge_hints(const MotionHint& hint, const Alignment& alignment) noexcept {
-  hints_.look_back(hint, alignment.T_odom_camera, !alignment.free_axes.empty());
+  hints_.look_back(hint, alignment.T_odom_camera,
+                   {alignment.free_axes.data(), alignment.free_axes.size()});
   for (const auto kind : {HintFollower::kPose, HintFollower::kTurn}) {
     HintedMotion motion;
     if (!hints_.motion(kind, hint, motion)) continue;

@@ -24,7 +24,7 @@ ClosureFinder::Candidates ClosureFinder::nearest(const Maplet& newest,
   for (int i = 0; i < prior.count(); ++i) {
     const MapletKey key = prior.key(i);
     if (key.agent != newest.key.agent || key.epoch != newest.key.epoch) continue;
-    if (key.id + kNeighbours > newest.key.id) continue;
+    if (key.id + kNeighbours > newest.key.id && !prior.apart(i, newest.key)) continue;
     Candidate c{i, 0.0, {}};
     if (!prior.relate(i, newest.key, c.T_a_b)) continue;
     const double distance_m = c.T_a_b.se3.t.norm();

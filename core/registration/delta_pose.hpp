@@ -30,4 +30,12 @@ struct DeltaPose {
   std::uint16_t matches = 0;               ///< plane pairs
 };
 
+/// A turn known worse than this holds nothing: to whoever adds up small errors it says nothing, and
+/// rooms look alike in steps of a quarter turn. Such a delta-pose tells of a gap; what lies on both
+/// sides of it is side by side until a closure joins it.
+[[nodiscard]] inline bool loose(const Matrix6d& covariance) noexcept {
+  constexpr double kLooseRad = 0.5;
+  return !(covariance.diagonal().tail<3>().maxCoeff() < kLooseRad * kLooseRad);
+}
+
 }  // namespace maplet

@@ -18,6 +18,8 @@ class PlacePrior {
   /// @return false when nothing relates the two
   [[nodiscard]] virtual bool relate(int index, const MapletKey& newest,
                                     Transform<MapletA, MapletB>& T_index_newest) const noexcept = 0;
+  /// Nothing but the path relates the two: the skeleton has no way from one to the other.
+  [[nodiscard]] virtual bool apart(int, const MapletKey&) const noexcept { return false; }
   /// @return the maplet, valid until the next call, or nullptr when it is not kept any more
   [[nodiscard]] virtual const Maplet* load(int index) noexcept = 0;
   /// The region around its frontier, its own frame: where a registration with it has to look.

@@ -36,6 +36,10 @@ DeltaPose Registrar::fuse(const Maplet& previous, const Maplet& current, const P
   out.T_a_b = Transform<MapletA, MapletB>{odometry.T_previous_this.se3};
   out.covariance = odometry.covariance;
 
+  if (loose(odometry.covariance)) {  // any three planes would seem to make up for it
+    ++counts_.odometry_alone;
+    return out;
+  }
   const auto planes = icap_->align(previous, current, out.T_a_b, config_.link_gate_m,
                                    config_.link_gate_rad, deadline);
   if (!planes) {

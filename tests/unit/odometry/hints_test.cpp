@@ -45,6 +45,41 @@ TEST(Hints, FillTheAxisThatNothingIsSeenAlong) {
   EXPECT_LT(without.T_odom_camera.se3.t.z(), 0.1);
 }
 
+// Nothing along z is seen, but what the odometry says is aside of the corridor, that is.
+TEST(Hints, OffByThirtyDegreesTheyFillNoFreeAxis) {
+  const PatchScene scene = test::corridor();
+  TrackSession session;
+  const Se3 turned = Se3::exp(0.52 * Vector6d::Unit(4));
+  Track track;
+  for (int i = 0; i < 90; ++i) {
+    const Se3 truth = Se3::exp(0.02 * i * Vector6d::Unit(2));
+    session.frame.motion = pose_hint(Se3{truth.q, turned.q * truth.t});
+    track = session.step(scene, truth);
+    ASSERT_EQ(track.state, Track::State::kTracking) << i;
+  }
+  EXPECT_GT(session.tracker->counters().hints_refused, 50u);
+  const double sigma = std::sqrt(track.covariance(2, 2));
+  EXPECT_GT(sigma, 0.05) << "since the keyframe nobody knows";
+}
+
+TEST(Hints, AWheelTooLargeStaysTooLarge) {
+  const PatchScene scene = test::corridor();
+  TrackSession session;
+  double variance = 0.0;
+  Track track;
+  for (int i = 0; i < 400; ++i) {
+    const Se3 truth = Se3::exp(0.02 * i * Vector6d::Unit(2));
+    session.frame.motion = pose_hint(Se3{truth.q, 1.05 * truth.t});
+    track = session.step(scene, truth);
+    ASSERT_EQ(track.state, Track::State::kTracking) << i;
+    if (track.keyframe_due) variance += session.last_keyframe->covariance(2, 2);
+  }
+  const double error = track.T_odom_camera.se3.t.z() - 0.02 * 399;
+  EXPECT_GT(error, 0.3);
+  EXPECT_LT(error, 2.0 * std::sqrt(variance + track.covariance(2, 2)));
+  EXPECT_LT(std::sqrt(variance), 1.0);
+}
+
 TEST(Hints, OffByThirtyDegreesTheyAreRefusedAndTrackingGoesOn) {
   const PatchScene scene = test::room();
   TrackSession session;

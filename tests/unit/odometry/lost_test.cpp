@@ -79,20 +79,23 @@ TEST(Lost, AViewThatOnlyStoredPlanesHoldIsFoundAgain) {
   Track track;
   int frames = 0;
   do {
-    track = session.step(scene, near_the_first_view());
-  } while (track.state == Track::State::kLost && ++frames < 10);
+    // It moves: what looks alike from one place does not from another.
+    track = session.step(
+        scene, near_the_first_view() * Se3::exp(0.01 * std::min(frames, 25) * Vector6d::Unit(0)));
+  } while (session.tracker->counters().in_stored_views == 0 && ++frames < 60);
   ASSERT_EQ(track.state, Track::State::kTracking);
   EXPECT_TRUE(track.keyframe_due) << "no keyframe sees this";
   const auto& counters = session.tracker->counters();
   EXPECT_EQ(counters.in_stored_views, 1u);
-  EXPECT_EQ(counters.recovered, 1u);
-  EXPECT_EQ(counters.segments, 0u);
-  const Se3 error = near_the_first_view().inverse() * track.T_odom_camera.se3;
+  EXPECT_EQ(counters.recovered + counters.tied, 1u);
+  const Se3 there =
+      near_the_first_view() * Se3::exp(0.01 * std::min(frames, 25) * Vector6d::Unit(0));
+  const Se3 error = there.inverse() * track.T_odom_camera.se3;
   EXPECT_LT(error.t.norm(), 0.02);
   EXPECT_LT(error.angle(), 0.02);
   // And the track goes on from there.
   for (int i = 0; i < 30; ++i) {
-    const Se3 truth = near_the_first_view() * Se3::exp(0.003 * i * Vector6d::Unit(0));
+    const Se3 truth = there * Se3::exp(0.003 * i * Vector6d::Unit(0));
     track = session.step(scene, truth);
     ASSERT_EQ(track.state, Track::State::kTracking) << i;
     ASSERT_LT((truth.inverse() * track.T_odom_camera.se3).t.norm(), 0.03) << i;
@@ -138,7 +141,7 @@ TEST(Lost, AnEarlierSegmentIsRecognisedWhenItsViewReturns) {
   ASSERT_EQ(session.last_keyframe->segment, 1u);
   Track track;
   bool crossed = false;
-  for (int i = 0; i < 20; ++i) {
+  for (int i = 0; i < 60; ++i) {
     const Se3 truth = wandering(0.0).inverse() * wandering(0.6 - 0.01 * i);
     track = session.step(scene, wandering(0.6 - 0.01 * i));
     if (track.state != Track::State::kTracking) continue;
@@ -160,7 +163,7 @@ TEST(Lost, ABoardInFrontOfTheLensOpensASegmentThatEndsWhenItGoes) {
   for (int i = 0; i < 29; ++i) session.step(board, Se3{});
   EXPECT_EQ(session.tracker->counters().segments, 1u);
   Track track;
-  for (int i = 0; i < 20; ++i) track = session.step(scene, wandering(0.033 * 20));
+  for (int i = 0; i < 40; ++i) track = session.step(scene, wandering(0.033 * 20));
   ASSERT_EQ(track.state, Track::State::kTracking);
   EXPECT_EQ(session.tracker->counters().tied, 1u);
   const Se3 truth = wandering(0.0).inverse() * wandering(0.033 * 20);
@@ -226,9 +229,13 @@ TEST(Lost, AfterTheDarkTheKeyframeThatFitsHasTheWord) {
   for (int i = 0; i < 40; ++i) session.step(scene, Se3::exp(0.015 * i * Vector6d::Unit(2)));
   darken(session, 60);
   Track track;
-  for (int i = 0; i < 5; ++i) track = session.step(scene, Se3{});
+  Se3 truth;
+  for (int i = 0; i < 40; ++i) {
+    truth = Se3::exp(0.01 * i * Vector6d::Unit(2));
+    track = session.step(scene, truth);
+  }
   ASSERT_EQ(track.state, Track::State::kTracking);
-  EXPECT_LT(track.T_odom_camera.se3.t.norm(), 0.02);
+  EXPECT_LT((truth.inverse() * track.T_odom_camera.se3).t.norm(), 0.02);
 }
 
 TEST(Lost, AStampADayAheadIsAGap) {
@@ -237,14 +244,18 @@ TEST(Lost, AStampADayAheadIsAGap) {
   for (int i = 0; i < 20; ++i) session.step(scene, wandering(0.033 * i));
   const auto before = session.last_keyframe->blind_spells;
   session.stamp_offset = std::chrono::hours{27};
-  const Track track = session.step(scene, wandering(0.66));
+  Track track = session.step(scene, wandering(0.66));
   EXPECT_TRUE(track.leapt);
+  EXPECT_EQ(track.loss, Loss::kUnsure) << "one frame proves nothing";
+  for (int i = 0; i < 20 && track.state == Track::State::kLost; ++i) {
+    track = session.step(scene, wandering(0.66));
+    EXPECT_FALSE(track.leapt);
+  }
   ASSERT_EQ(track.state, Track::State::kTracking) << "the view is recognised";
   EXPECT_TRUE(track.keyframe_due);
   EXPECT_GT(session.last_keyframe->blind_spells, before) << "no maplet reaches over it";
   EXPECT_EQ(session.tracker->counters().leaps, 1u);
   EXPECT_EQ(session.tracker->counters().recovered, 1u);
-  EXPECT_FALSE(session.step(scene, wandering(0.693)).leapt);
 }
 
 TEST(Lost, SaysWhy) {
