@@ -167,10 +167,12 @@ Added Skeleton::add(const DeltaPose& delta, Deadline deadline) noexcept {
     return Added::kBadMeasurement;
   }
   if (delta.kind == DeltaPose::Kind::kConsecutive && loose(delta.covariance)) {
-    const Added at_a = add(delta.a);
-    const Added at_b = add(delta.b);
-    return at_a == Added::kNodesFull || at_b == Added::kNodesFull ? Added::kNodesFull
-                                                                  : Added::kLoose;
+    for (const MapletKey& key : {delta.a, delta.b}) {
+      // One that was taken out for want of room does not come back.
+      if (forwarding_.find(key) == nullptr && add(key) == Added::kNodesFull)
+        return Added::kNodesFull;
+    }
+    return Added::kLoose;
   }
   int a = find(delta.a);
   int b = find(delta.b);

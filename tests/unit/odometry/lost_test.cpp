@@ -2,6 +2,7 @@
 // Losing the view, saying why, and finding it: in keyframes, in stored views, after a gap.
 #include <gtest/gtest.h>
 
+#include <Eigen/Eigenvalues>
 #include <vector>
 
 #include "tests/support/track_session.hpp"
@@ -236,6 +237,42 @@ TEST(Lost, AfterTheDarkTheKeyframeThatFitsHasTheWord) {
   }
   ASSERT_EQ(track.state, Track::State::kTracking);
   EXPECT_LT((truth.inverse() * track.T_odom_camera.se3).t.norm(), 0.02);
+}
+
+// Four bare corners: the next one fits as well as the one that was lost.
+TEST(Lost, AfterTheDarkACornerThatLooksAlikeIsNotTakenForTheOneThatWasLost) {
+  PatchScene scene;
+  scene.add_box({-2.5, -1.4, -2.5}, {2.5, 1.2, 2.5});
+  for (const double turn : {0.5 * M_PI, M_PI, 0.0}) {
+    TrackSession session;
+    const Se3 corner = turned(0.7);
+    for (int i = 0; i < 20; ++i) session.step(scene, corner * wandering(0.033 * i));
+    darken(session, 50);
+    for (int i = 0; i < 60; ++i) {
+      session.step(scene, turned(turn) * corner * wandering(0.66 + 0.033 * i));
+    }
+    EXPECT_EQ(session.last_keyframe->segment, 1u) << turn;
+    EXPECT_EQ(session.tracker->counters().recovered, 0u) << turn;
+    const auto& by_loss = session.tracker->counters().by_loss;
+    EXPECT_EQ(by_loss[static_cast<std::size_t>(Loss::kUnsure)], 4u) << turn;
+  }
+}
+
+TEST(Lost, AGapSaysThatTheTurnIsUnknown) {
+  const PatchScene scene = test::room();
+  PatchScene other;
+  other.add_box({-2.4, -1.4, -2.0}, {2.2, 1.2, 4.4});
+  other.add_box({-0.6, 0.3, 1.6}, {0.5, 1.2, 2.3});
+  TrackSession session;
+  for (int i = 0; i < 20; ++i) session.step(scene, wandering(0.033 * i));
+  for (int i = 0; i < 12 && session.last_keyframe->segment == 0; ++i) {
+    session.step(other, wandering(0.0));  // a jump cut
+  }
+  ASSERT_EQ(session.last_keyframe->segment, 1u);
+  const Matrix6d& covariance = session.last_keyframe->covariance;
+  EXPECT_NEAR(std::sqrt(covariance(0, 0)), 3.0, 0.1);
+  EXPECT_NEAR(std::sqrt(covariance(4, 4)), 1.8, 0.1);
+  EXPECT_GT(Eigen::SelfAdjointEigenSolver<Matrix6d>{covariance}.eigenvalues()[0], 0.0);
 }
 
 TEST(Lost, AStampADayAheadIsAGap) {

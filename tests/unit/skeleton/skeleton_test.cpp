@@ -53,6 +53,25 @@ TEST_F(SkeletonTest, ClosesASquare) {
   EXPECT_GT(skeleton_.factor(4).chi2, 0.0);
 }
 
+TEST_F(SkeletonTest, AGapHoldsNothingUntilAClosureJoinsBothSides) {
+  skeleton_.add(delta(key(1, 0), key(1, 1), 1.0), never_);
+  DeltaPose gap = delta(key(1, 1), key(1, 2), 4.0, 1.0);
+  gap.covariance = 9.0 * Matrix6d::Identity();
+  gap.covariance.diagonal().tail<3>().setConstant(1.8 * 1.8);
+  EXPECT_EQ(skeleton_.add(gap, never_), Added::kLoose);
+  EXPECT_EQ(skeleton_.add(gap, never_), Added::kLoose) << "again";
+  skeleton_.add(delta(key(1, 2), key(1, 3), 1.0), never_);
+  EXPECT_EQ(skeleton_.node_count(), 4);
+  EXPECT_EQ(skeleton_.factor_count(), 2);
+  EXPECT_NE(skeleton_.gauge(key(1, 0)), skeleton_.gauge(key(1, 3)));
+  DeltaPose closure = delta(key(1, 0), key(1, 3), 0.5);
+  closure.kind = DeltaPose::Kind::kClosure;
+  EXPECT_EQ(skeleton_.add(closure, never_), Added::kLinked);
+  skeleton_.update(never_);
+  EXPECT_EQ(skeleton_.gauge(key(1, 0)), skeleton_.gauge(key(1, 3)));
+  EXPECT_NEAR((skeleton_.pose(key(1, 0))->inverse() * *skeleton_.pose(key(1, 3))).t.x(), 0.5, 0.01);
+}
+
 TEST_F(SkeletonTest, AgentsStandSideBySideUntilTheyMeet) {
   skeleton_.add(delta(key(2, 0), key(2, 1), 1.0), never_);
   skeleton_.add(delta(key(1, 0), key(1, 1), 1.0), never_);
