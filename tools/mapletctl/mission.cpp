@@ -123,6 +123,11 @@ void place(const fs::path& from, const fs::path& to) {
 void import_from(const Options& options) {
   Json answer;
   const std::string folder = folder_of(options, answer);
+  if (daemon::clear_is_asked(folder)) {
+    throw Failure{folder +
+                  ": a clear waits for mapletd's next start there, which would remove this, too; "
+                  "start mapletd once, then import"};
+  }
   const files::Mission mission = files::read_mission(options.path);
   journal::PosixFile own;
   if (const auto there =

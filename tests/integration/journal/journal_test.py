@@ -403,6 +403,16 @@ class Missions(JournalTest):
         self.assertIn("journal   on", self.ctl("status")[1])
         self.assertIn("of 1 earlier start(s)", self.stop()[2])
 
+    def test_nothing_is_imported_while_a_clear_waits(self):
+        self.fill()
+        good = self.file("good")
+        self.assertEqual(self.mission("export", good, "--state", self.state())[0], 0)
+        with open(os.path.join(self.state(), "clear-at-start"), "w", encoding="utf-8"):
+            pass
+        code, _, wrong = self.mission("import", good, "--state", self.state())
+        self.assertEqual(code, 1)
+        self.assertIn("a clear waits", wrong)
+
     def test_clear_begins_a_new_mission(self):
         listed = self.fill()
         code, said, wrong = self.mission("clear", "--state", self.state())
