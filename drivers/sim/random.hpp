@@ -16,9 +16,9 @@ namespace maplet::sim {
   return mix(mix(a + 0x9e3779b97f4a7c15ULL) ^ (b * 0xd1342543de82ef95ULL + 0x2545f4914f6cdd1dULL));
 }
 
-/// A sequence of draws from one seed; own distributions, so every standard library draws the same. Two
-/// draws never stand among the arguments of one call: processors' compilers evaluate those in different
-/// orders, and the worlds would differ.
+/// A sequence of draws from one seed; own distributions, so every standard library draws the same.
+/// Two draws never stand among the arguments of one call: processors' compilers evaluate those in
+/// different orders, and the worlds would differ.
 class Random {
  public:
   Random(std::uint64_t seed, std::uint64_t stream) noexcept : key_{mix(seed, stream)} {}
