@@ -29,14 +29,9 @@ void Contenders::step(const Se3& T_last_now) noexcept {
     c.place.T_odom_camera = c.place.T_odom_camera * T_last_now;
     ++c.idle;
   }
-  std::size_t i = 0;
-  while (i < places_.size()) {
-    if (places_[i].idle > kIdleFrames) {
-      places_.erase(places_.begin() + i);
-    } else {
-      ++i;
-    }
-  }
+  places_.erase(std::remove_if(places_.begin(), places_.end(),
+                               [](const Contender& c) { return c.idle > kIdleFrames; }),
+                places_.end());
 }
 
 void Contenders::vote(const Place& place) noexcept {
@@ -48,17 +43,13 @@ void Contenders::vote(const Place& place) noexcept {
     return;
   }
   if (full(places_)) {
-    places_.erase(
-        std::min_element(places_.begin(), places_.end(),
-                         [](const Contender& a, const Contender& b) { return a.votes < b.votes; }));
+    places_.erase(std::min_element(places_.begin(), places_.end(), has_fewer_votes));
   }
   places_.push_back({place, place.T_odom_camera, 1, 0});
 }
 
 bool Contenders::won(const Place& place) const noexcept {
-  const auto best =
-      std::max_element(places_.begin(), places_.end(),
-                       [](const Contender& a, const Contender& b) { return a.votes < b.votes; });
+  const auto best = std::max_element(places_.begin(), places_.end(), has_fewer_votes);
   if (best == places_.end() || best->votes < kVotes || !same(*best, place)) return false;
   const Se3 moved = best->T_odom_first.inverse() * place.T_odom_camera;
   if (!place.near && moved.t.norm() < kMovedM && moved.angle() < kMovedRad) return false;

@@ -43,6 +43,9 @@ class Contenders {
     int votes = 0;
     int idle = 0;  ///< frames since the last one
   };
+  [[nodiscard]] static bool has_fewer_votes(const Contender& a, const Contender& b) noexcept {
+    return a.votes < b.votes;
+  }
   [[nodiscard]] static bool same(const Contender& contender, const Place& place) noexcept;
 
   StaticVector<Contender, kMost> places_;

@@ -43,6 +43,11 @@ bool usable(const Alignment& alignment, const OdometryConfig& config) noexcept {
          alignment.chi2_per_dof < kMaxChi2PerDof;
 }
 
+bool recognised(const Alignment& alignment, const OdometryConfig& config) noexcept {
+  return usable(alignment, config) && alignment.overlap > kFoundOverlap &&
+         alignment.free_axes.empty();
+}
+
 PatchAligner::PatchAligner(const OdometryConfig& config, Arena& arena)
     : config_{config},
       pairs_{arena.make_array<FacetPair>(facets_of(config) * kMaxReferences, "odometry/pairs")} {

@@ -68,6 +68,10 @@ struct Alignment {
 /// Whether it is evidence of a pose at all.
 [[nodiscard]] bool usable(const Alignment& alignment, const OdometryConfig& config) noexcept;
 
+inline constexpr double kFoundOverlap = 0.4;  ///< a view is recognised, not just tracked on
+/// Whether it shows by itself where the camera is: usable, well overlapping, nothing left free.
+[[nodiscard]] bool recognised(const Alignment& alignment, const OdometryConfig& config) noexcept;
+
 /// Aligns a frame's patches to those of keyframes: projective association, Mahalanobis distance of
 /// inverse-depth planes, heavy tails, Gauss-Newton. Intensities may join in.
 ///

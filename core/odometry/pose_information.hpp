@@ -1,7 +1,9 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 
@@ -66,6 +68,11 @@ class ScoreBlocks {
     return out;
   }
 };
+
+/// The standard deviation along the least known axis of the frame.
+[[nodiscard]] inline double largest_sigma(const Eigen::Matrix3d& covariance) noexcept {
+  return std::sqrt(std::max(0.0, covariance.diagonal().maxCoeff()));
+}
 
 /// The block of a pixel.
 [[nodiscard]] inline std::uint8_t score_block(double u_px, double v_px, int width_px,

@@ -15,18 +15,13 @@ namespace {
 constexpr double kReachM = 0.5;    // of a view, beyond what the camera's place is uncertain by
 constexpr double kReachRad = 0.5;  // the same
 constexpr double kSigmas = 3.0;
-constexpr double kScreen = 0.2;        // of the frame's patches must lie on the view's as it is
-constexpr double kFoundOverlap = 0.4;  // a view is recognised, not just tracked on
-constexpr double kStartSlack = 0.1;    // m, rad
-constexpr double kLoosePrior = 1.0;    // information, 1/m^2 and 1/rad^2
+constexpr double kScreen = 0.2;      // of the frame's patches must lie on the view's as it is
+constexpr double kStartSlack = 0.1;  // m, rad
+constexpr double kLoosePrior = 1.0;  // information, 1/m^2 and 1/rad^2
 constexpr double kFloorM = 0.05;
 constexpr double kFloorRad = 0.05;
 constexpr double kSlideM = 0.25;
 constexpr double kGate = 32.0;  // chi-square of 6 degrees of freedom, 2e-5
-
-double largest_sigma(const Eigen::Matrix3d& covariance) noexcept {
-  return std::sqrt(std::max(0.0, covariance.diagonal().maxCoeff()));
-}
 
 bool within_reach(const Se3& T_camera_view, const Matrix6d& covariance) noexcept {
   return T_camera_view.t.norm() <
@@ -69,7 +64,7 @@ bool Relocaliser::recognise(const PatchView& frame, const Reference& reference,
   const PosePrior prior{T_odom_view, kLoosePrior * Matrix6d::Identity()};
   out = aligner.run(frame, {&reference, 1}, prior, {T_odom_view, kStartSlack, kStartSlack},
                     no_photo, deadline);
-  if (!found(out)) return false;
+  if (!recognised(out, config_)) return false;
   // What slid along a wall fits, too, though less.
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen{
       Eigen::Matrix3d{out.information.topLeftCorner<3, 3>()}};
@@ -80,14 +75,9 @@ bool Relocaliser::recognise(const PatchView& frame, const Reference& reference,
     const Se3 start = first * Se3::exp(way * slide);
     const Alignment other = aligner.run(frame, {&reference, 1}, {start, prior.information},
                                         {start, kStartSlack, kStartSlack}, no_photo, deadline);
-    if (found(other) && other.overlap > out.overlap) out = other;
+    if (recognised(other, config_) && other.overlap > out.overlap) out = other;
   }
   return true;
-}
-
-bool Relocaliser::found(const Alignment& alignment) const noexcept {
-  return usable(alignment, config_) && alignment.overlap > kFoundOverlap &&
-         alignment.free_axes.empty();
 }
 
 // The keyframe within reach on which the most of the frame lies as it is; kNothing without one.

@@ -75,7 +75,6 @@ class Relocaliser {
   [[nodiscard]] StoredView place_of(const KeyframePool& pool, std::size_t which) const noexcept;
   [[nodiscard]] std::size_t likeliest(const PatchView& frame, const KeyframePool& pool,
                                       const Whereabouts& whereabouts) const noexcept;
-  [[nodiscard]] bool found(const Alignment& alignment) const noexcept;
   [[nodiscard]] bool recognise(const PatchView& frame, const Reference& reference,
                                PatchAligner& aligner, PhotoTerm& no_photo, Deadline deadline,
                                Alignment& out) const noexcept;

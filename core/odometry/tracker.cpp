@@ -30,6 +30,9 @@ constexpr double kStillOverlap = 0.97;
 // Standard deviations of a start from which intensities may lead.
 constexpr double kGrayNearM = 0.05;
 constexpr double kGrayNearRad = 0.05;
+// What the alignment can start from.
+constexpr double kMostStartM = 0.1;
+constexpr double kMostStartRad = 0.1;
 constexpr double kGrayContradicts = 3.0;  // times what chance makes of their disagreement
 // The keyframes' disagreement, eq. 15.
 constexpr double kDisagreementFrames = 200.0;
@@ -41,11 +44,6 @@ constexpr double kLeastDisagreement = 0.7;
 // Intensities pull elsewhere than patches: what both see has changed its look, or moves.
 bool contradicts(const Alignment& alignment) noexcept {
   return alignment.photo_disagreement > kGrayContradicts * alignment.expected_photo_disagreement;
-}
-
-// The largest standard deviation, within what the alignment can start from.
-double largest_sigma(const Eigen::Matrix3d& covariance) noexcept {
-  return std::min(std::sqrt(covariance.diagonal().maxCoeff()), 0.1);
 }
 
 // Without the frame before.
@@ -188,8 +186,9 @@ Alignment Tracker::try_from(const KeyframePool::References& references, const Po
 Alignment Tracker::align(const KeyframePool::References& references, const PosePrior& prior,
                          const Guess& guess, Deadline deadline) noexcept {
   const Matrix6d covariance = filter_.covariance();
-  const Start start{filter_.pose(), largest_sigma(covariance.topLeftCorner<3, 3>()),
-                    largest_sigma(covariance.bottomRightCorner<3, 3>())};
+  const Start start{filter_.pose(),
+                    std::min(largest_sigma(covariance.topLeftCorner<3, 3>()), kMostStartM),
+                    std::min(largest_sigma(covariance.bottomRightCorner<3, 3>()), kMostStartRad)};
   // Intensities lead to the nearest likeness: from farther away patches go alone, and first.
   const bool near = start.sigma_m < kGrayNearM && start.sigma_rad < kGrayNearRad;
   Alignment alignment = try_from(references, prior, start, near ? gray() : photo_.none(), deadline);

@@ -9,7 +9,6 @@ namespace maplet {
 
 namespace {
 
-constexpr double kFoundOverlap = 0.4;  // a view is recognised, not just tracked on
 constexpr double kSearchRad = 0.12;
 constexpr double kEstranged = 0.5;    // agreement with an older keyframe, below it is asked alone
 constexpr double kStillAgrees = 0.9;  // of what the newest one has
@@ -33,10 +32,6 @@ constexpr double kAnywhereSigmaRad = 0.35;  // a third of it
 // Nothing is known of the way.
 constexpr double kAnyTurnRad = 1.8;  // uniform over half a turn to each side
 constexpr double kAnyWayM = 3.0;
-
-double largest_sigma(const Eigen::Matrix3d& covariance) noexcept {
-  return std::sqrt(covariance.diagonal().maxCoeff());
-}
 
 }  // namespace
 
@@ -177,10 +172,7 @@ void Tracker::return_to_older(const KeyframePool::References& references, Alignm
   const Alignment older =
       aligner_.run(view(), {&references[1], 1}, loose, {out.T_odom_camera, kReturnM, kReturnRad},
                    photo_.none(), deadline);
-  if (!usable(older, config_) || older.overlap <= kFoundOverlap || !older.free_axes.empty() ||
-      older.agreement < kStillAgrees * out.agreement) {
-    return;
-  }
+  if (!recognised(older, config_) || older.agreement < kStillAgrees * out.agreement) return;
   ++counters_.returned;
   const Vector6d off = (out.T_odom_camera.inverse() * older.T_odom_camera).log();
   strayed_ = off * off.transpose();
@@ -214,6 +206,7 @@ Matrix6d Tracker::gap() const noexcept {
   Matrix6d covariance = filter_.covariance();
   for (int i = 0; i < 6; ++i) {
     const double sigma = std::sqrt(covariance(i, i));
+    if (!(sigma > 0.0)) continue;
     const double most = i < 3 ? sigma : kAnyTurnRad;
     double wanted = std::min(sigma, most);
     if (unexplained_) wanted = i < 3 ? std::max(sigma, kAnyWayM) : kAnyTurnRad;
