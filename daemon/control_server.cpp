@@ -34,13 +34,21 @@ tl::expected<sockaddr_un, std::string> address_of(const std::string& path) {
   return address;
 }
 
-/// Whether somebody answers at that address.
+/// Whether somebody answers at that address, or is too busy to.
 bool is_alive(const sockaddr_un& address) {
   const int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
   if (fd < 0) return false;
-  const bool alive = connect(fd, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
+  const bool alive =
+      connect(fd, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0 ||
+      errno == EAGAIN;
   close(fd);
   return alive;
+}
+
+/// What stands there and is no socket: nothing that we may remove.
+bool is_taken(const std::string& path) {
+  struct stat there {};
+  return lstat(path.c_str(), &there) == 0 && !S_ISSOCK(there.st_mode);
 }
 
 tl::expected<int, std::string> listen_at(const std::string& path) {
@@ -50,6 +58,9 @@ tl::expected<int, std::string> listen_at(const std::string& path) {
     return tl::unexpected{path +
                           ": another mapletd answers there; give --agent or control.socket of "
                           "its own"};
+  }
+  if (is_taken(path)) {
+    return tl::unexpected{path + ": is there, and no socket; set control.socket to another path"};
   }
   unlink(path.c_str());
   const int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);

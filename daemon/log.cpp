@@ -1,15 +1,18 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #include "daemon/log.hpp"
 
+#define SD_JOURNAL_SUPPRESS_LOCATION  // it would be this file for every line
 #include <spdlog/sinks/base_sink.h>
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
+#include <sys/stat.h>
 #include <syslog.h>
 #include <systemd/sd-journal.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <atomic>
+#include <cstdio>
 #include <cstdlib>
 #include <memory>
 #include <mutex>
@@ -34,10 +37,21 @@ class JournalSink final : public spdlog::sinks::base_sink<std::mutex> {
   void flush_() override {}
 };
 
+/// Whether standard error goes to the journal. The variable alone does not tell: what a service
+/// starts inherits it, a desktop's terminal too.
+bool to_journal() {
+  const char* stream = std::getenv("JOURNAL_STREAM");
+  unsigned long long device = 0;
+  unsigned long long inode = 0;
+  struct stat error {};
+  return stream != nullptr && std::sscanf(stream, "%llu:%llu", &device, &inode) == 2 &&
+         fstat(STDERR_FILENO, &error) == 0 && error.st_dev == device && error.st_ino == inode;
+}
+
 spdlog::logger& logger() {
   static const std::unique_ptr<spdlog::logger> instance = [] {
     spdlog::sink_ptr sink;
-    if (std::getenv("JOURNAL_STREAM") != nullptr) {
+    if (to_journal()) {
       sink = std::make_shared<JournalSink>();
     } else {
       sink = std::make_shared<spdlog::sinks::stderr_sink_mt>();

@@ -1,6 +1,6 @@
 # Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
-# What the systems of boot_test.sh and qemu_test.sh have in common; sourced after debian_root.sh.
-# Needs build, synth, here, work, root.
+# What the systems of boot_test.sh, life_test.sh and qemu_test.sh have in common; sourced after debian_root.sh.
+# Needs build, synth, here; a container's functions make work and root, qemu_test.sh does so itself.
 
 # The packages that hold the libraries that the programs load.
 libraries() {
@@ -50,4 +50,28 @@ WantedBy=multi-user.target
 EOF
   systemctl --root="$root" --quiet enable mapletd proof
   systemctl --root="$root" --quiet mask systemd-networkd-wait-online.service
+}
+
+# A small Debian with systemd, the package installed and enabled, two agents configured, the camera behind both.
+container() {
+  needs mmdebstrap systemd-nspawn
+  work=$(mktemp -d "${TMPDIR:-/var/tmp}/mapletd-boot.XXXXXX")
+  trap 'rm -rf --one-file-system "$work"' EXIT
+  root=$work/root
+  debian_root boot "$(libraries | paste -sd,),systemd,systemd-sysv,dbus,udev,jq,procps" "$root"
+  install_package
+  install_camera "world=room sim.seed=3 sim.frames=1000000 rate_hz=15" mapletd mapletd@
+  cp "$root/etc/mapletd/mapletd.toml" "$root/etc/mapletd/agent-2.toml"
+}
+
+boot_container() { # LAST_CLAIM: until it goes off; its result is ours
+  timeout 500 systemd-nspawn --quiet --directory="$root" --register=no --keep-unit --boot \
+    </dev/null >"$work/console" 2>&1 || true
+  if [[ ! -f $root/opt/proof/result ]]; then
+    tail -40 "$work/console"
+    echo "FAIL  it did not boot"
+    return 1
+  fi
+  cat "$root/opt/proof/result"
+  ! grep -q '^FAIL' "$root/opt/proof/result" && grep -q "^PASS  $1" "$root/opt/proof/result"
 }

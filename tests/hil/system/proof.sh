@@ -89,6 +89,11 @@ claim $held "the map is still there: $(maplets) maplets"
 systemctl start mapletd@2 && soon 20 mapletctl status --agent 2
 held=$?
 claim $held "a second agent beside it"
+systemctl stop mapletd@2
+journalctl --sync
+[[ $(journalctl -o json MAPLETD_AGENT=2 | jq -r 'select(.SYSLOG_IDENTIFIER == "mapletd" and .MAPLETD_VERSION)._SYSTEMD_UNIT' | sort -u) = mapletd@2.service ]]
+held=$?
+claim $held "the journal finds its lines by its number: $(journalctl -o cat MAPLETD_AGENT=2 | head -1)"
 
 exposure=$(systemd-analyze security mapletd --no-pager 2>/dev/null | grep Overall)
 echo "exposure: $exposure"

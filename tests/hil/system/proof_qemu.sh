@@ -1,7 +1,7 @@
 #!/bin/bash
 # Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 # Inside the machine of qemu_test.sh: GPIO lines of gpio-sim, gray images of vimc, a clock that was never
-# set. Patience is long: without KVM the machine is some twenty times slower than this one.
+# set. Its time is its own (qemu_test.sh): what runs beside it does not matter.
 . "$(dirname "$0")/claims.sh"
 
 soon 200 systemctl -q is-active mapletd
@@ -48,7 +48,7 @@ for ((i = 0; i < 4; i++)); do
   pull 3 down
   sleep 0.8
 done
-[[ $(status | jq '.gpio.pulse.pulses + .gpio.pulse.glitches') -ge 4 ]] # in slow motion they are no seconds
+[[ $(status | jq '.gpio.pulse.pulses + .gpio.pulse.glitches') -ge 4 ]] # whether they lock is hil_gpio's matter
 held=$?
 claim $held "edges are seen: $(status | jq -c .gpio.pulse)"
 
@@ -58,12 +58,12 @@ claim $held "vimc's images are paired: $(status | jq -c .gray_camera)"
 
 # The clock: set late, and back again.
 restarts=$(show NRestarts)
+held=0
 for time in 2031-05-01 1999-12-31 2031-05-01; do
   date -s "$time" >/dev/null
   frames=$(status | jq .frames.processed)
-  soon 60 bash -c "[[ \$(mapletctl status --json | jq .frames.processed) -ge $((frames + 5)) ]]" || break
+  soon 60 bash -c "[[ \$(mapletctl status --json | jq .frames.processed) -ge $((frames + 5)) ]]" || held=1
 done
-held=$?
 claim $held "it does not mind the clock's leaps"
 soon 60 running && [[ $(show NRestarts) = "$restarts" ]]
 held=$?

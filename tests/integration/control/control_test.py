@@ -272,6 +272,16 @@ class Control(unittest.TestCase):
         self.assertIn("another mapletd answers there", second.stderr.readline())
         self.assertEqual(self.status(1)["agent"], 1)
 
+    def test_a_file_at_the_sockets_path_stays(self):
+        notes = Path(self.folder, "notes")
+        notes.write_text("mine", encoding="utf-8")
+        run = subprocess.Popen(
+            [str(BIN / "mapletd"), "--source", SOURCE.format(3, 200), "--no-dds",
+             "--set", f"control.socket={notes}"], stderr=subprocess.PIPE, text=True)
+        self.daemons.append(run)
+        self.assertIn("no socket", run.stderr.readline())
+        self.assertEqual(notes.read_text(encoding="utf-8"), "mine")
+
 
 if __name__ == "__main__":
     unittest.main(verbosity=2)

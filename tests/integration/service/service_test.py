@@ -5,6 +5,7 @@ import json
 import os
 import resource
 import signal
+import socket
 import sys
 import time
 import unittest
@@ -100,6 +101,33 @@ class Service(daemon.DaemonTest):
         self.assertEqual(code, 0)
         self.assertIn("frames/s", view)
         self.until(lambda: json.loads(self.ctl("maplets", "--json")[1]) != [])
+
+    @unittest.skipUnless(daemon.may_mount(), "no private mounts here")
+    def test_the_journal_gets_fields(self):
+        os.mkdir(self.file("journal"))
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as journal:
+            journal.bind(self.file("journal/socket"))
+            journal.settimeout(PATIENCE_S)
+            self.start("--agent", "3", source="openni2:no-such-device", wrapper=(
+                "unshare", "-Urm", "sh", "-c",
+                "mount -t tmpfs none /run && mkdir -p /run/systemd/journal && "
+                f"mount --bind {self.file('journal')} /run/systemd/journal && "
+                'export JOURNAL_STREAM=$(stat -L -c %d:%i /proc/self/fd/2) && exec "$@"', "sh"))
+            fields = {}
+            while "waiting for a camera" not in fields.get("MESSAGE", ""):
+                fields = dict(line.split("=", 1) for line in
+                              journal.recv(65536).decode().splitlines() if "=" in line)
+        self.assertEqual((fields["PRIORITY"], fields["SYSLOG_IDENTIFIER"]), ("4", "mapletd"))
+        self.assertEqual(fields["MAPLETD_AGENT"], "3")
+        self.assertRegex(fields["MAPLETD_VERSION"], r"^\d+\.\d+")
+        self.assertNotIn("CODE_FILE", fields)
+        self.assertEqual(self.stop()[::2], (0, ""))  # and nothing beside it
+
+    def test_a_journal_of_others_is_not_ours(self):
+        # What a service or a desktop starts inherits the variable.
+        self.start(source="openni2:no-such-device", environment={"JOURNAL_STREAM": "8:12345"})
+        self.until(lambda: "READY=1" in self.heard)
+        self.assertIn("waiting for a camera", self.stop()[2])
 
     def test_real_time_that_is_refused(self):
         def no_rights():
