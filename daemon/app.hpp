@@ -172,7 +172,8 @@ class App {
   Instant last_news_{};     ///< something entered the skeleton
   Stamp last_stamp_{};
   bool tracking_ = false;
-  FreeAxes free_;      ///< of the newest frame
+  FreeAxes free_;  ///< of the newest frame
+  Fills fills_;
   int timeouts_ = 0;   ///< in a row
   FewLines warnings_;  ///< written by the housekeeping thread
   Line said_;

@@ -17,9 +17,17 @@ void App::publish_status(StatusRecord::State state) {
   };
   const StageTime latency{us(0.5), us(0.99), static_cast<std::uint32_t>(latency_.max() / 1us), 0};
   const std::uint64_t held = radio_ ? radio_->records_digest() : 0;  // before settled is asked
+  std::array<ToldHistogram, kStages> wall;
+  for (std::size_t i = 0; i < kStages; ++i) wall[i] = meters_.of(static_cast<Stage>(i)).wall.told();
+  const MapletStore& own = agent_->maplets();
+  fills_.own_maplets.note(own.count() - own.forgotten(),
+                          static_cast<std::uint64_t>(config_.agent.limits.own_maplets));
+  fills_.nodes.note(record.nodes, static_cast<std::uint64_t>(config_.agent.skeleton.max_nodes));
+  fills_.factors.note(record.factors,
+                      static_cast<std::uint64_t>(config_.agent.skeleton.max_factors));
   board_.note({record, latency, agent_->settled() && (!radio_ || radio_->settled()),
                agent_->skeleton().records_digest(), held, agent_->range_counters(),
-               agent_->map_frame(), free_, agent_->tracking()});
+               agent_->map_frame(), free_, agent_->tracking(), wall, fills_});
   if (publisher_) (void)publisher_->publish(record);
 }
 

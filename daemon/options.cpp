@@ -23,6 +23,7 @@ constexpr const char* kFooter =
     "  mapletd --source openni2: --config robot.toml     the service, first OpenNI2 camera\n"
     "  mapletd --source record:FILE --out out/again      a recorded run, bit for bit\n"
     "  mapletctl watch                                   what it publishes, in another terminal\n\n"
+    "Signals: SIGTERM and SIGINT end it, everything saved; SIGHUP reads the configuration again.\n"
     "Exit status: 0 done, 1 failure (input, device, environment), 2 usage or configuration.";
 
 int usage_error(const char* what) {

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "daemon/alloc_counter.hpp"
+#include "daemon/histogram_json.hpp"
 #include "daemon/memory_status.hpp"
 #include "daemon/tracking_json.hpp"
 #include "transport/exchange/delta_pose_record.hpp"
@@ -25,7 +26,8 @@ Json stage_json(const StageStats& stats) {
           {"cpu_p50_us", us(stats.cpu.percentile(0.5))},
           {"cpu_p99_us", us(stats.cpu.percentile(0.99))},
           {"count", stats.wall.count()},
-          {"deadline_misses", stats.deadline_misses}};
+          {"deadline_misses", stats.deadline_misses},
+          {"histogram", histogram_json(stats.wall.told())}};
 }
 
 double mean(std::uint64_t sum, std::uint64_t count) {

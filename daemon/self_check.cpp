@@ -2,8 +2,6 @@
 #include "daemon/self_check.hpp"
 
 #include <fmt/format.h>
-#include <ifaddrs.h>
-#include <net/if.h>
 #include <sys/resource.h>
 #include <sys/timex.h>
 #include <unistd.h>
@@ -17,6 +15,7 @@
 #include "core/base/arena_exhausted.hpp"
 #include "daemon/memory_ledger.hpp"
 #include "daemon/memory_status.hpp"
+#include "daemon/network_check.hpp"
 #include "daemon/run_setup.hpp"
 #include "drivers/gpio/gpio_line.hpp"
 #include "drivers/gray_camera.hpp"
@@ -152,34 +151,6 @@ void check_clock(std::vector<CheckResult>& results) {
                        "run chrony or systemd-timesyncd where the robot has a network"});
   } else {
     results.push_back(ok("clock", "set and synchronised"));
-  }
-}
-
-void check_network(std::vector<CheckResult>& results, const RadioConfig& radio) {
-  ifaddrs* all = nullptr;
-  bool found = false;
-  bool up = false;
-  bool address = false;
-  if (getifaddrs(&all) == 0) {
-    for (const ifaddrs* i = all; i != nullptr; i = i->ifa_next) {
-      if (radio.interface != i->ifa_name) continue;
-      found = true;
-      up = up || (i->ifa_flags & IFF_UP) != 0;
-      address = address || (i->ifa_addr != nullptr && i->ifa_addr->sa_family == AF_INET);
-    }
-    freeifaddrs(all);
-  }
-  const std::string name = "dds.interface '" + radio.interface + "'";
-  if (!found) {
-    results.push_back({"network", Result::kWarn, name + " does not exist",
-                       "the daemon waits for it; name another one if that is wrong (ip link)"});
-  } else if (!up || !address) {
-    results.push_back({"network", Result::kWarn, name + (up ? " has no IPv4 address" : " is down"),
-                       "the daemon waits for it"});
-  } else {
-    results.push_back(ok(
-        "network",
-        name + (radio.interface == "lo" ? " is up: other agents on this machine only" : " is up")));
   }
 }
 

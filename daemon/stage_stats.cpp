@@ -26,6 +26,21 @@ void DurationHistogram::add(Duration duration) noexcept {
   ++buckets_[std::min(bucket, kBuckets - 1)];
   ++count_;
   max_ = std::max(max_, duration);
+  total_ += std::max(duration, Duration{0});
+}
+
+ToldHistogram DurationHistogram::told() const noexcept {
+  ToldHistogram told;
+  told.total = total_;
+  std::size_t i = 0;
+  for (std::size_t bound = 0; bound < ToldHistogram::kUpperUs.size(); ++bound) {
+    const double buckets = std::log(1e3 * ToldHistogram::kUpperUs[bound] / kSmallestNs) / kLogStep;
+    for (const auto end = static_cast<std::size_t>(std::lround(buckets)); i < end; ++i) {
+      told.counts[bound] += buckets_[i];
+    }
+  }
+  for (; i < kBuckets; ++i) told.counts.back() += buckets_[i];
+  return told;
 }
 
 Duration DurationHistogram::percentile(double share) const noexcept {

@@ -9,6 +9,15 @@
 
 namespace maplet::daemon {
 
+/// A histogram as it is told: how many took at most so long, and longer than the bound before; the
+/// last ones longer than all.
+struct ToldHistogram {
+  static constexpr std::array kUpperUs{50,   100,   200,   500,   1000,  2000,
+                                       5000, 10000, 20000, 50000, 100000};
+  std::array<std::uint64_t, kUpperUs.size() + 1> counts{};
+  Duration total{};
+};
+
 /// A histogram of durations in fixed memory: buckets 1 % apart from 100 ns to 17 minutes.
 class DurationHistogram {
  public:
@@ -17,12 +26,15 @@ class DurationHistogram {
   [[nodiscard]] Duration percentile(double share) const noexcept;
   [[nodiscard]] Duration max() const noexcept { return max_; }
   [[nodiscard]] std::uint64_t count() const noexcept { return count_; }
+  /// In few words; its bounds are right to 1 %.
+  [[nodiscard]] ToldHistogram told() const noexcept;
 
  private:
   static constexpr std::size_t kBuckets = 2320;
   std::array<std::uint64_t, kBuckets> buckets_{};
   std::uint64_t count_ = 0;
   Duration max_{};
+  Duration total_{};
 };
 
 /// What one stage cost so far.

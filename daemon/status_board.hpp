@@ -1,13 +1,16 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <mutex>
 #include <utility>
 
 #include "core/agent/map_frame.hpp"
 #include "core/agent/range_keeper.hpp"
 #include "core/odometry/tracker.hpp"
+#include "daemon/fill.hpp"
 #include "daemon/free_axes.hpp"
+#include "daemon/stage_stats.hpp"
 #include "transport/exchange/status_record.hpp"
 
 namespace maplet::daemon {
@@ -28,6 +31,8 @@ class StatusBoard {
     MapFrame::Notice frame;
     FreeAxes free;  ///< of the newest frame
     TrackerCounters tracking;
+    std::array<ToldHistogram, kStages> wall;  ///< of each stage
+    Fills fills;
   };
 
   void note(const Notice& notice) noexcept {

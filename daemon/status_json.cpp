@@ -9,6 +9,7 @@
 
 #include "core/ports/stage_meter.hpp"
 #include "daemon/alloc_counter.hpp"
+#include "daemon/histogram_json.hpp"
 #include "daemon/tracking_json.hpp"
 #include "transport/exchange/record_key.hpp"
 
@@ -69,8 +70,13 @@ Json exchange_json(const RadioStatus& radio) {
             {"bytes_sent", radio.maplets.bytes_sent}}}};
 }
 
-/// Bytes of each component of the arena: what stands before the slash of its entries.
-Json memory_json(const MemoryStatus& memory) {
+Json fill_json(const Fill& fill) {
+  return {{"used", fill.used}, {"peak", fill.peak}, {"capacity", fill.capacity}};
+}
+
+/// Bytes of each component of the arena: what stands before the slash of its entries. They are
+/// taken at the start, so used and peak are one; what fills is told beside them.
+Json memory_json(const MemoryStatus& memory, const Fills& fills) {
   Json pools = Json::object();
   for (const ArenaEntry& entry : memory.arena().ledger()) {
     const std::string pool{entry.component.substr(0, entry.component.find('/'))};
@@ -78,6 +84,10 @@ Json memory_json(const MemoryStatus& memory) {
   }
   Json json{{"arena_bytes", memory.arena().used_bytes()},
             {"pools", pools},
+            {"fill",
+             {{"own_maplets", fill_json(fills.own_maplets)},
+              {"nodes", fill_json(fills.nodes)},
+              {"factors", fill_json(fills.factors)}}},
             {"rss_bytes", rss_bytes()},
             {"peak_rss_bytes", peak_rss_bytes()}};
   json["limit_bytes"] = memory.limit_bytes() ? Json(*memory.limit_bytes()) : Json{};
@@ -193,9 +203,10 @@ nlohmann::ordered_json status_json(const StatusBoard::Notice& notice, const Memo
     json["stages"][std::string{kStageNames[i]}] = {{"p50_us", t.p50_us},
                                                    {"p99_us", t.p99_us},
                                                    {"max_us", t.max_us},
-                                                   {"deadline_misses", t.deadline_misses}};
+                                                   {"deadline_misses", t.deadline_misses},
+                                                   {"histogram", histogram_json(notice.wall[i])}};
   }
-  json["memory"] = memory_json(memory);
+  json["memory"] = memory_json(memory, notice.fills);
   Json& track = json["tracking"];
   track = {{"now", s.tracking}, {"keyframes", s.keyframes}, {"lost", s.frames_lost}};
   add_tracking(notice.tracking, track);

@@ -15,10 +15,13 @@ namespace {
 
 using namespace std::chrono_literals;
 
+constexpr int kWidth = 156;  // vimc makes multiples of six
+constexpr int kHeight = 120;
+
 GrayCameraOptions options(const std::string& id) {
   GrayCameraOptions options;
   options.id = id;
-  options.camera = {640, 480, 600.0, 600.0, 319.5, 239.5};
+  options.camera = {kWidth, kHeight, 150.0, 150.0, 77.5, 59.5};
   return options;
 }
 
@@ -40,7 +43,7 @@ TEST(Libcamera, GoesOnWithoutACamera) {
   EXPECT_NE(said(**camera).find("depth goes on alone"), std::string::npos) << said(**camera);
   EXPECT_FALSE((*camera)->running());
   EXPECT_EQ((*camera)->images(), 0u);
-  std::vector<std::uint8_t> image(640 * 480);
+  std::vector<std::uint8_t> image(kWidth * kHeight);
   const MonotonicClock clock;
   const Instant began = clock.now();
   EXPECT_FALSE((*camera)->nearest(began, 20ms, 500ms, image));
@@ -64,7 +67,7 @@ TEST(Libcamera, BringsImagesOfVimc) {
   ASSERT_TRUE(camera) << camera.error();
   ASSERT_TRUE(soon([&] { return (*camera)->images() >= 10; })) << said(**camera);
   EXPECT_TRUE((*camera)->running());
-  std::vector<std::uint8_t> image(640 * 480);
+  std::vector<std::uint8_t> image(kWidth * kHeight);
   const MonotonicClock clock;
   ASSERT_TRUE((*camera)->nearest(clock.now(), 200ms, 200ms, image));
   const auto [least, most] = std::minmax_element(image.begin(), image.end());

@@ -6,6 +6,7 @@
 #include <sys/un.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
@@ -17,6 +18,20 @@ namespace maplet::ctl {
 namespace {
 
 constexpr int kPatience_s = 6;
+
+/// Whether nobody listens there any more: a daemon that was killed leaves its socket.
+bool is_stale(const std::string& path) {
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  if (path.size() >= sizeof address.sun_path) return false;
+  std::memcpy(address.sun_path, path.c_str(), path.size());
+  const int fd = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+  const bool stale =
+      connect(fd, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0 &&
+      errno == ECONNREFUSED;
+  ::close(fd);
+  return stale;
+}
 
 std::string find_socket(const Daemon& daemon) {
   namespace fs = std::filesystem;
@@ -34,6 +49,9 @@ std::string find_socket(const Daemon& daemon) {
   if (found.empty()) {
     throw Failure{"no mapletd found: start one, or name its socket with --socket"};
   }
+  const auto stale = std::stable_partition(found.begin(), found.end(),
+                                           [](const auto& path) { return !is_stale(path); });
+  if (stale != found.begin()) found.erase(stale, found.end());
   if (found.size() > 1 && daemon.agent < 0) {
     throw Failure{fmt::format("{} daemons run here: say which with --agent N", found.size()), 2};
   }

@@ -74,7 +74,7 @@ void add_check(Command app) {
   const Command sub = app.add_command(
       "check",
       "What mapletd will find on this machine: camera, permissions, GPIO, clock, network, "
-      "memory, real time; a line each with the remedy");
+      "peers, memory, real time; a line each with the remedy");
   sub.add_option("--config", options->daemon.config_file, "TOML file, as mapletd takes it");
   sub.add_option("--set", options->daemon.overrides, "key=value over the file").one_each();
   sub.add_option("--source", options->daemon.source, "source URI, as mapletd takes it");

@@ -16,8 +16,9 @@ class Metric {
       : text_{text}, name_{"mapletd_" + std::move(name)} {
     text_ += fmt::format("# HELP {0} {1}\n# TYPE {0} {2}\n", name_, help, type);
   }
-  void sample(double value, const std::string& labels = "") const {
-    text_ += fmt::format("{}{} {}\n", name_, labels.empty() ? "" : "{" + labels + "}", value);
+  void sample(double value, const std::string& labels = "", const char* suffix = "") const {
+    text_ +=
+        fmt::format("{}{}{} {}\n", name_, suffix, labels.empty() ? "" : "{" + labels + "}", value);
   }
 
  private:
@@ -116,6 +117,34 @@ void print_status(const Json& s) {
   for (const Json& peer : s["peers"]) print_peer(peer);
 }
 
+void add_stages(const Json& stages, std::string& text) {
+  const Metric cpu{text, "stage_cpu_seconds", "gauge", "CPU time of a stage, by quantile"};
+  for (const auto& [stage, time] : stages.items()) {
+    cpu.sample(number(time["p50_us"]) / 1e6, fmt::format("stage=\"{}\",quantile=\"0.5\"", stage));
+    cpu.sample(number(time["p99_us"]) / 1e6, fmt::format("stage=\"{}\",quantile=\"0.99\"", stage));
+  }
+  const Metric wall{text, "stage_seconds", "histogram", "Time of a stage on the monotonic clock"};
+  for (const auto& [stage, time] : stages.items()) {
+    const Json& histogram = time["histogram"];
+    std::uint64_t sum = 0;
+    for (std::size_t i = 0; i < histogram["counts"].size(); ++i) {
+      sum += histogram["counts"][i].get<std::uint64_t>();
+      const Json& upper = histogram["upper_us"][i];
+      const std::string le =
+          upper.is_null() ? "+Inf" : fmt::format("{}", upper.get<double>() / 1e6);
+      wall.sample(static_cast<double>(sum), fmt::format("stage=\"{}\",le=\"{}\"", stage, le),
+                  "_bucket");
+    }
+    const std::string label = fmt::format("stage=\"{}\"", stage);
+    wall.sample(number(histogram["sum_us"]) / 1e6, label, "_sum");
+    wall.sample(static_cast<double>(sum), label, "_count");
+  }
+  const Metric misses{text, "deadline_misses_total", "counter", "Runs of a stage over its budget"};
+  for (const auto& [stage, time] : stages.items()) {
+    misses.sample(number(time["deadline_misses"]), fmt::format("stage=\"{}\"", stage));
+  }
+}
+
 std::string prometheus_text(const Json& s) {
   std::string text;
   Metric{text, "state", "gauge", "1 for the state that the daemon is in"}.sample(
@@ -137,14 +166,12 @@ std::string prometheus_text(const Json& s) {
       number(s["skeleton"]["nodes"]));
   Metric{text, "skeleton_factors", "gauge", "Relations in the skeleton"}.sample(
       number(s["skeleton"]["factors"]));
-  const Metric cpu{text, "stage_cpu_seconds", "gauge", "CPU time of a stage, by quantile"};
-  for (const auto& [stage, time] : s["stages"].items()) {
-    cpu.sample(number(time["p50_us"]) / 1e6, fmt::format("stage=\"{}\",quantile=\"0.5\"", stage));
-    cpu.sample(number(time["p99_us"]) / 1e6, fmt::format("stage=\"{}\",quantile=\"0.99\"", stage));
-  }
-  const Metric misses{text, "deadline_misses_total", "counter", "Runs of a stage over its budget"};
-  for (const auto& [stage, time] : s["stages"].items()) {
-    misses.sample(number(time["deadline_misses"]), fmt::format("stage=\"{}\"", stage));
+  add_stages(s["stages"], text);
+  const Metric fill{text, "fill", "gauge", "Of the stores that a mission fills"};
+  for (const auto& [store, level] : s["memory"]["fill"].items()) {
+    for (const auto& [what, value] : level.items()) {
+      fill.sample(number(value), fmt::format("store=\"{}\",what=\"{}\"", store, what));
+    }
   }
   for (const char* what : {"arena_bytes", "rss_bytes", "peak_rss_bytes", "limit_bytes"}) {
     if (!s["memory"].contains(what) || s["memory"][what].is_null()) continue;

@@ -100,6 +100,9 @@ claim $held "it stops"
 stands 0 0
 held=$?
 claim $held "tracking is off the line"
+said=$(/opt/proof/hil_libcamera --gtest_color=no 2>&1) && [[ $said != *SKIPPED* ]]
+held=$?
+claim $held "hil_libcamera with vimc: $(grep -E 'FAILED|SKIPPED|PASSED|Failure' <<<"$said" | tr '\n' ' ')"
 claim 0 "the end"
 echo "log:"
 journalctl -u mapletd --no-pager -o cat | tail -20

@@ -70,6 +70,7 @@ WantedBy=multi-user.target
 EOF
 systemctl --root="$root" --quiet enable gpio-lines
 install_proof proof_qemu.sh
+install -m 755 "$build/tests/hil_libcamera" "$root/opt/proof/"
 
 mke2fs -q -t ext4 -d "$root" "$work/disk" 2500M
 accelerator=${MAPLET_QEMU:-tcg} # MAPLET_QEMU=kvm where that works: a machine may have it and not boot

@@ -272,6 +272,20 @@ class Control(unittest.TestCase):
         self.assertIn("another mapletd answers there", second.stderr.readline())
         self.assertEqual(self.status(1)["agent"], 1)
 
+    def test_a_socket_that_a_killed_daemon_left_is_passed_over(self):
+        for folder in ("left", "mapletd"):
+            os.mkdir(os.path.join(self.folder, folder))
+        with socket.socket(socket.AF_UNIX) as left:
+            left.bind(os.path.join(self.folder, "left/agent-61234.sock"))
+        self.start(61234, "mapletd/agent-61234")
+        done = subprocess.run(
+            [str(BIN / "mapletctl"), "status", "--agent", "61234", "--json"], check=False,
+            capture_output=True, text=True, timeout=PATIENCE_S, env=dict(
+                os.environ, RUNTIME_DIRECTORY=os.path.join(self.folder, "left"),
+                XDG_RUNTIME_DIR=self.folder))
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertEqual(json.loads(done.stdout)["agent"], 61234)
+
     def test_a_file_at_the_sockets_path_stays(self):
         notes = Path(self.folder, "notes")
         notes.write_text("mine", encoding="utf-8")

@@ -3,6 +3,7 @@
 """What mapletd tells a supervisor, and how it ends: a notify socket stands in for systemd's."""
 import json
 import os
+import re
 import resource
 import signal
 import socket
@@ -94,7 +95,18 @@ class Service(daemon.DaemonTest):
         self.assertIn(memory["heap_allocations_after_ready"], (0, None))
         self.assertGreater(memory["arena_bytes"], 0)
         self.assertLessEqual(sum(memory["pools"].values()), memory["arena_bytes"])
+        for fill in memory["fill"].values():
+            self.assertLessEqual(fill["used"], fill["peak"])
+            self.assertLessEqual(fill["peak"], fill["capacity"])
+        frame = status["stages"]["frame"]["histogram"]
+        self.assertGreater(sum(frame["counts"]), 20)
+        self.assertEqual(len(frame["counts"]), len(frame["upper_us"]))
         text = self.ctl("status", "--prometheus")[1]
+        self.assertRegex(text, r'(?m)^mapletd_stage_seconds_bucket\{stage="frame",le="0.001"\} \d')
+        bucket, count = (int(re.search(r"(?m)^mapletd_stage_seconds" + name + r" (\d+)$", text)[1])
+                         for name in (r'_bucket\{stage="frame",le="\+Inf"\}',
+                                      r'_count\{stage="frame"\}'))
+        self.assertEqual(bucket, count)
         self.assertRegex(text, r"(?m)^mapletd_frames_total\{kind=\"processed\"\} \d+")
         self.assertRegex(text, r"(?m)^# TYPE mapletd_rss_bytes|mapletd_memory_rss_bytes \d")
         code, view, _ = self.ctl("top", "--count", "2", "--every-s", "0.2")

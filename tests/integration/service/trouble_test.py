@@ -192,12 +192,15 @@ class Trouble(daemon.DaemonTest):
         fine = self.check("--source", "sim:room")
         self.assertEqual(fine["camera"]["result"], "OK")
         self.assertEqual(fine["configuration"]["result"], "OK")
-        for name in ("gpio", "libcamera", "clock", "network", "memory", "memory lock", "real time"):
+        for name in ("gpio", "libcamera", "clock", "network", "peers", "memory", "memory lock",
+                     "real time"):
             self.assertIn(name, fine)
         self.assertEqual(self.check("--source", "tum:/nowhere")["camera"]["result"], "FAIL")
         self.assertEqual(self.check("--source", "openni2:none")["camera"]["result"], "FAIL")
         for key, name, result in (("dds.interface=nosuch0", "network", "WARN"),
                                   ("dds.peers=nonsense", "configuration", "FAIL"),
+                                  ("dds.peers=127.0.0.1", "peers", "OK"),
+                                  ("dds.peers=255.255.255.255", "peers", "WARN"),
                                   ("gpio.hold=NOSUCH", "gpio", "WARN"),
                                   ("gray_camera.source=libcamera:none", "libcamera", "WARN")):
             more = ["--set", "gray_camera.fx_px=500", "--set", "gray_camera.fy_px=500"]

@@ -18,6 +18,17 @@ TEST(DurationHistogram, PercentilesAreRightToOnePercent) {
   EXPECT_EQ(histogram.percentile(1.0), milliseconds{1});
 }
 
+TEST(DurationHistogram, IsToldInFewWords) {
+  DurationHistogram histogram;
+  for (const int us : {1, 40, 60, 4000, 4900, 60'000, 99'000, 200'000, 9'000'000}) {
+    histogram.add(microseconds{us});
+  }
+  const ToldHistogram told = histogram.told();
+  const std::array<std::uint64_t, 12> expected{2, 1, 0, 0, 0, 0, 2, 0, 0, 0, 2, 2};
+  EXPECT_EQ(told.counts, expected);
+  EXPECT_EQ(told.total, microseconds{1 + 40 + 60 + 4000 + 4900 + 60'000 + 99'000 + 9'200'000});
+}
+
 TEST(DurationHistogram, SurvivesExtremes) {
   DurationHistogram histogram;
   EXPECT_EQ(histogram.percentile(0.5), Duration{0});
