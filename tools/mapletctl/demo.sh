@@ -2,6 +2,7 @@
 # Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 # What `mapletctl demo` runs: two agents map a simulated building, meet, and merge their maps.
 #   demo.sh BIN_DIR OUT_DIR
+# MAPLET_DEMO_SET=key=value is one more setting of both agents: a longer frame.budget_us where the machine has other work.
 set -euo pipefail
 bin=$1 dir=$2
 command -v jq >/dev/null || { echo "demo: needs jq; as root: apt install jq" >&2; exit 1; }
@@ -26,17 +27,18 @@ for agent in 1 2; do
   "$bin/mapletctl" simulate "$(source_of $agent 160)" --out "$dir/truth$agent" >/dev/null 2>&1 &
   truths[agent]=$!
   "$bin/mapletd" --agent $agent --source "$(source_of $agent 320)" --out "$dir/agent$agent" \
-    --set "dds.domain=$domain" --set dds.budget_bytes_per_s=100000 --set exchange.linger_s=75 \
-    --set "control.socket=$sockets/$agent.sock" 2>"$dir/agent$agent.log" &
+    --set "dds.domain=$domain" --set dds.budget_bytes_per_s=100000 --set exchange.linger_s=600 \
+    --set "control.socket=$sockets/$agent.sock" ${MAPLET_DEMO_SET:+--set "$MAPLET_DEMO_SET"} 2>"$dir/agent$agent.log" &
   pids[agent]=$!
 done
-"$bin/mapletctl" watch --domain "$domain" --json --kind delta-pose --timeout-s 90 >"$dir/watched.jsonl" &
+"$bin/mapletctl" watch --domain "$domain" --json --kind delta-pose --timeout-s 1200 >"$dir/watched.jsonl" &
 pids[3]=$!
 
-wait_for() { # seconds, command: until it succeeds
+flying() { kill -0 "${pids[1]}" && kill -0 "${pids[2]}"; } 2>/dev/null
+wait_for() { # seconds, command: until it succeeds, as long as both agents run
   local end=$((SECONDS + $1))
   until "${@:2}" >/dev/null 2>&1; do
-    [ $SECONDS -lt $end ] || return 1
+    [ $SECONDS -lt $end ] && flying || return 1
     sleep 0.2
   done
 }
@@ -45,23 +47,24 @@ frames_at_least() { [ "$(ask "$1" status --json | jq .frames.processed)" -ge "$2
 merged() { [ "$(ask "$1" why $((3 - $1)) --json | jq .merged)" = true ]; }
 in_sync() { [ "$(ask "$1" status --json | jq .exchange.in_sync)" = true ]; }
 
-wait_for 20 heard 1 || true
+wait_for 60 heard 1 || true
 echo "2. They hear each other, then fall silent: a dropout. Each maps on alone."
 for agent in 1 2; do ask $agent radio silent; done
 alone=0
-for agent in 1 2; do wait_for 60 frames_at_least $agent 1700 || true; done
+for agent in 1 2; do wait_for 600 frames_at_least $agent 1700 || true; done
 ! merged 1 && alone=1
 echo "3. They meet: delta-poses first, closures, then maplets; places that both saw tie the maps together."
 for agent in 1 2; do ask $agent radio on; done
 met=0
-wait_for 40 merged 1 && wait_for 20 merged 2 && met=1
+wait_for 300 merged 1 && wait_for 60 merged 2 && met=1
 echo "4. Somebody claims, wrongly, that two far places are one."
 ask 1 closure add 1:2 2:6 3,-2,40,0,0.7,0,0.714 || true
 false_rejected() { [ "$(ask "$1" closure list --json | jq '[.[] | select(.a.id == 2 and .b.id == 6 and .length_m > 35)] | map(.rejected) | all and length >= 1')" = true ]; }
 rejected=0
-wait_for 15 false_rejected 1 && wait_for 15 false_rejected 2 && rejected=1
+wait_for 60 false_rejected 1 && wait_for 60 false_rejected 2 && rejected=1
 for agent in 1 2; do wait "${pids[agent]}" || { cat "$dir/agent$agent.log"; exit 1; }; done
 kill "${pids[3]}" 2>/dev/null || true
+wait "${pids[3]}" || true # what it read is in its file when it has ended
 wait "${truths[@]}"
 
 # Before the meeting each map stands at its own origin.

@@ -17,7 +17,8 @@ soon() { # SECONDS COMMAND...
 }
 status() { mapletctl status --json; }
 show() { systemctl show mapletd -P "$1"; }
-running() { status | jq -e '(.state == "running" or .state == "degraded") and .frames.processed > 20 and .tracking.now'; }
+# Not by jq's status, which is 0 where nobody answers.
+running() { [[ $(status | jq '(.state == "running" or .state == "degraded") and .frames.processed > 20 and .tracking.now') = true ]]; }
 ms() { echo $(($(date +%s%N) / 1000000)); }
 maplets() { mapletctl maplets --json | jq length; }
 mapped() { [[ $(maplets) -ge $1 ]]; }

@@ -65,7 +65,7 @@ container() {
 }
 
 boot_container() { # LAST_CLAIM: until it goes off; its result is ours
-  timeout 500 systemd-nspawn --quiet --directory="$root" --register=no --keep-unit --boot \
+  timeout 1200 systemd-nspawn --quiet --directory="$root" --register=no --keep-unit --boot \
     </dev/null >"$work/console" 2>&1 || true
   if [[ ! -f $root/opt/proof/result ]]; then
     tail -40 "$work/console"

@@ -3,18 +3,22 @@
 # Inside the booted system (life_test.sh): the package is upgraded over an edited configuration while two agents
 # run, removed, installed and enabled again, and purged; then the machine goes off.
 . /opt/proof/claims.sh
+ctl() { mapletctl "$@" --agent 0; } # of two
+status() { ctl status --json; }
+maplets() { ctl maplets --json | jq length; }
 
-soon 20 running && systemctl enable --quiet --now mapletd@2 && soon 20 mapletctl status --agent 2
+soon 90 running && systemctl enable --quiet --now mapletd@2 && soon 90 mapletctl status --agent 2
 held=$?
 claim $held "installed and enabled, two agents run"
 [[ $held = 0 ]] || give_up
-soon 90 safe 1
+soon 240 safe 1
 held=$?
 claim $held "there is a map to lose: $(maplets) maplets"
+[[ $held = 0 ]] || journalctl -u mapletd --no-pager -o cat | tail -20
 echo "# mine" >>/etc/mapletd/mapletd.toml
 before=$(show MainPID)
 dpkg --force-confdef --force-confold -i /next.deb >/opt/proof/dpkg 2>&1 &&
-  soon 20 bash -c "[[ \$(systemctl show mapletd -P MainPID) != $before ]]" && soon 20 running && soon 20 mapletctl status --agent 2
+  soon 90 bash -c "[[ \$(systemctl show mapletd -P MainPID) != $before ]]" && soon 90 running && soon 90 mapletctl status --agent 2
 held=$?
 claim $held "an upgrade restarts both agents: $(dpkg-query -W -f '${Version}' mapletd)"
 grep -qx "# mine" /etc/mapletd/mapletd.toml
@@ -31,7 +35,7 @@ claim $held "the state and the configuration stay: $(find /var/lib/mapletd -type
 held=$?
 claim $held "nothing is enabled any more"
 
-dpkg --force-confdef --force-confold -i /mapletd.deb >/opt/proof/dpkg 2>&1 && systemctl enable --quiet --now mapletd && soon 20 running
+dpkg --force-confdef --force-confold -i /mapletd.deb >/opt/proof/dpkg 2>&1 && systemctl enable --quiet --now mapletd && soon 90 running
 held=$?
 claim $held "installed and enabled, it is ready at once"
 dpkg -P mapletd >/opt/proof/dpkg 2>&1 && ! pidof mapletd

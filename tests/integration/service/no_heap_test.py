@@ -15,7 +15,9 @@ sys.path.append(str(Path(__file__).resolve().parents[2] / "support"))
 from spoil import spoil  # noqa: E402
 
 BIN = Path(os.environ["MAPLET_BIN_DIR"])
-PATIENCE_S = 900 if "MAPLET_SANITIZED" in os.environ else 600  # a safety net: what happened decides
+EMULATOR = os.environ.get("MAPLET_EMULATOR", "").split()  # of programs for another processor
+# A safety net: what happened decides.
+PATIENCE_S = (900 if "MAPLET_SANITIZED" in os.environ else 600) * int(os.environ.get("MAPLET_PATIENCE", "1"))
 WORLD = "sim:loop?seed=7&width=160&rate_hz=10&frames={}&agent={}&phase=0.{}"
 # Each has fewer nodes than it makes alone, 15 and 36: it is short of room however little it hears.
 NODES = {1: 12, 2: 30}
@@ -30,7 +32,7 @@ class NoHeap(unittest.TestCase):
         domain = dice.randrange(20, 220)
         with tempfile.TemporaryDirectory(prefix="maplet-no-heap-") as folder:
             recording = os.path.join(folder, "recording")
-            subprocess.run([str(BIN / "mapletctl"), "simulate", WORLD.format(700, 1, 1), "--out",
+            subprocess.run([*EMULATOR, str(BIN / "mapletctl"), "simulate", WORLD.format(700, 1, 1), "--out",
                             recording], check=True, capture_output=True, timeout=PATIENCE_S)
             spoil(recording, dice)
             runs = [self.start(folder, domain, 1, "tum:" + recording),
@@ -57,7 +59,7 @@ class NoHeap(unittest.TestCase):
                                                 f"dds.domain={domain}", "control.socket=none"]
                     for word in ("--set", setting)]
         return out, subprocess.Popen(
-            [str(BIN / "mapletd"), "--agent", str(agent), "--source", source, "--out", out,
+            [*EMULATOR, str(BIN / "mapletd"), "--agent", str(agent), "--source", source, "--out", out,
              *settings], stderr=subprocess.PIPE, text=True)
 
     def report(self, out, run):
