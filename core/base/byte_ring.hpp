@@ -43,8 +43,8 @@ class ByteRing {
   bool put(const Key& key, std::span<const std::byte> bytes, const Note& note = {}) noexcept {
     if (bytes.empty() || bytes.size() > max_bytes_ || find(key) != nullptr) return false;
     make_room(bytes.size());
-    slots_[count_++ % slots_.size()] = {key, static_cast<std::uint32_t>(next_),
-                                        static_cast<std::uint32_t>(bytes.size()), note};
+    slots_[slot_of(count_++)] = {key, static_cast<std::uint32_t>(next_),
+                                 static_cast<std::uint32_t>(bytes.size()), note};
     std::ranges::copy(bytes, bytes_.subspan(next_).begin());
     next_ += bytes.size();
     return true;
@@ -52,7 +52,7 @@ class ByteRing {
 
   [[nodiscard]] const Slot* find(const Key& key) const noexcept {
     const auto holds = [&](const Slot& slot) { return slot.bytes != 0 && slot.key == key; };
-    const Slot& likely = slots_[key.id % slots_.size()];
+    const Slot& likely = slots_[slot_of(key.id)];
     if (holds(likely)) return &likely;
     const auto found = std::ranges::find_if(slots_, holds);
     return found == slots_.end() ? nullptr : &*found;
@@ -61,9 +61,7 @@ class ByteRing {
     return const_cast<Slot*>(std::as_const(*this).find(key));
   }
   /// The nth that was ever kept, forgotten() <= n < count().
-  [[nodiscard]] const Slot& nth(std::uint64_t n) const noexcept {
-    return slots_[n % slots_.size()];
-  }
+  [[nodiscard]] const Slot& nth(std::uint64_t n) const noexcept { return slots_[slot_of(n)]; }
   [[nodiscard]] std::span<const std::byte> bytes(const Slot& slot) const noexcept {
     return bytes_.subspan(slot.at, slot.bytes);
   }
@@ -73,6 +71,9 @@ class ByteRing {
   [[nodiscard]] std::uint64_t forgotten() const noexcept { return forgotten_; }
 
  private:
+  [[nodiscard]] std::size_t slot_of(std::uint64_t n) const noexcept {
+    return static_cast<std::size_t>(n % slots_.size());
+  }
   /// Forgets the oldest ones until `size` bytes are free at next_.
   void make_room(std::size_t size) noexcept {
     if (count_ - forgotten_ == slots_.size()) forget_oldest();
@@ -82,10 +83,10 @@ class ByteRing {
     }
     while (oldest_begins_in(next_, next_ + size)) forget_oldest();
   }
-  void forget_oldest() noexcept { slots_[forgotten_++ % slots_.size()].bytes = 0; }
+  void forget_oldest() noexcept { slots_[slot_of(forgotten_++)].bytes = 0; }
   [[nodiscard]] bool oldest_begins_in(std::size_t from, std::size_t to) const noexcept {
     if (forgotten_ == count_) return false;
-    const std::size_t at = slots_[forgotten_ % slots_.size()].at;
+    const std::size_t at = slots_[slot_of(forgotten_)].at;
     return at >= from && at < to;
   }
 

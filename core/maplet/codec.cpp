@@ -133,8 +133,8 @@ struct Header {
 const char* get_header(ByteReader& in, Header& header) noexcept {
   if (in.get(4) != kMagic) return "not a maplet";
   if (in.get(1) != kVersion) return "maplet of an unknown version";
-  header.keyframes = in.get(1);
-  header.planes = in.get(1);
+  header.keyframes = in.pop();
+  header.planes = in.pop();
   const std::uint64_t packed = in.get(1);
   header.layers = packed & 0x7FU;
   const auto cell_mm = static_cast<int>(in.get(2));
@@ -143,7 +143,7 @@ const char* get_header(ByteReader& in, Header& header) noexcept {
   header.key.epoch = static_cast<std::uint32_t>(in.get(4));
   header.key.id = static_cast<std::uint32_t>(in.get(4));
   header.stamp = Stamp{static_cast<std::int64_t>(in.get(8))};
-  header.size = in.get(4);
+  header.size = static_cast<std::size_t>(in.get(4));
   const auto up = static_cast<std::uint32_t>(in.get(4));
   const bool has_up = (packed & kHasUp) != 0;
   header.up = has_up ? codec::unpack_normal(up) : Eigen::Vector3d::Zero();
@@ -155,8 +155,8 @@ const char* get_header(ByteReader& in, Header& header) noexcept {
 // Body of a layer. @param coarse  planes whose cells are blocks still: brought up to date
 bool get_layer(ByteReader in, Maplet& m, std::size_t& coarse) noexcept {
   (void)in.get(2);
-  const std::size_t planes = in.get(1);
-  const std::size_t keyframes = in.get(1);
+  const std::size_t planes = in.pop();
+  const std::size_t keyframes = in.pop();
   const auto shift = static_cast<int>(in.get(1));
   if (shift != 0 && (shift != kCoarseShift || coarse > 0)) return false;
   const std::size_t first = m.planes.size();
@@ -206,7 +206,7 @@ StaticVector<std::size_t, codec::kMaxLayers> layer_ends(std::span<const std::byt
   if (header.ran_short()) return ends;
   for (std::size_t at = codec::kHeaderBytes; ends.size() < std::min(layers, codec::kMaxLayers);) {
     if (bytes.size() < at + kLayerHeadBytes + kCrcBytes) break;
-    const std::size_t size = ByteReader{bytes.subspan(at)}.get(2);
+    const auto size = static_cast<std::size_t>(ByteReader{bytes.subspan(at)}.get(2));
     if (size < kLayerHeadBytes + kCrcBytes || size > bytes.size() - at) break;
     at += size;
     ends.push_back(at);
