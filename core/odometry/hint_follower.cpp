@@ -2,6 +2,8 @@
 #include "core/odometry/hint_follower.hpp"
 
 #include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
 
 namespace maplet {
 
@@ -21,12 +23,81 @@ constexpr double kUnseen = 1e4;    // m^2, rad^2
 constexpr double kNewAxis = 0.1;   // squared, outside of those known already
 constexpr double kWayGate = 24.0;  // chi-square of 6 degrees of freedom, 5e-4
 
+// A motion that ends so fast did not end: whoever says so has stopped measuring.
+constexpr double kBrakeMps2 = 3.0;
+constexpr double kBrakeRadps2 = 10.0;
+constexpr double kSlowMps = 0.1;
+constexpr double kSlowRadps = 0.1;
+constexpr double kSame = 1e-7;      // m, rad: the same words again
+constexpr double kAnyStepM = 0.05;  // on top of what the fastest camera makes
+constexpr double kAnyStepRad = 0.15;
+
 bool says_how_sure(const MotionHint& hint) noexcept { return !hint.path_covariance.isZero(); }
 
 }  // namespace
 
 bool HintFollower::motion(Kind kind, const MotionHint& now, HintedMotion& out) const noexcept {
-  return known_ && between(kind, last_, now, out);
+  const State& state = states_[kind];
+  if (!known_ || broke_off(kind) || (state.froze && says_how_sure(now))) return false;
+  if (!between(kind, last_, now, out)) return false;
+  out.missed = state.missed;
+  if (kind == kTurn) return true;
+  // Noise of single steps; from frame to frame there is one.
+  const double more = std::max(0, frames_ - 1);
+  Matrix6d covariance = out.information.inverse();
+  covariance.diagonal().head<3>().array() += more * kFloorM * kFloorM;
+  covariance.diagonal().tail<3>().array() += more * kFloorRad * kFloorRad;
+  out.information = covariance.inverse();
+  return out.information.allFinite();
+}
+
+void HintFollower::watch(const MotionHint& now, double dt_s) noexcept {
+  ++frames_;
+  if (dt_s > 0.0) {
+    if (now.has_pose && before_.has_pose) {
+      watch(states_[kPose], (before_.T_external_camera.inverse() * now.T_external_camera).log(),
+            dt_s);
+    }
+    if (now.has_turn && before_.has_turn) {
+      const Se3 turned{before_.q_gyro_camera.conjugate() * now.q_gyro_camera,
+                       Eigen::Vector3d::Zero()};
+      watch(states_[kTurn], turned.log(), dt_s);
+    }
+  }
+  before_ = now;
+}
+
+void HintFollower::watch(State& state, const Vector6d& step, double dt_s) noexcept {
+  const double m = step.head<3>().norm();
+  const double rad = step.tail<3>().norm();
+  if (m < kSame && rad < kSame) {
+    state.frozen = state.frozen ||
+                   state.rate.head<3>().norm() > std::max(kSlowMps, kBrakeMps2 * dt_s) ||
+                   state.rate.tail<3>().norm() > std::max(kSlowRadps, kBrakeRadps2 * dt_s);
+    if (!state.frozen) state.rate.setZero();
+    state.froze = state.froze || state.frozen;
+    state.missed += state.rate * dt_s;
+    return;
+  }
+  state.frozen = false;
+  if (!(m < kAnyStepM + config_.max_speed_mps * dt_s &&
+        rad < kAnyStepRad + config_.max_turn_radps * dt_s)) {
+    state.leapt = true;
+    return;
+  }
+  // Between two of its lines the source may be halfway to its last one.
+  const Vector6d rate = step / dt_s;
+  state.rate = rate.norm() > 0.5 * state.rate.norm() ? rate : Vector6d{0.5 * state.rate};
+}
+
+void HintFollower::keep(const MotionHint& now) noexcept {
+  last_ = now;
+  known_ = true;
+  frames_ = 0;
+  for (State& state : states_) {
+    state.leapt = state.froze = false;
+    state.missed.setZero();
+  }
 }
 
 bool HintFollower::between(Kind kind, const MotionHint& from, const MotionHint& now,
@@ -89,7 +160,9 @@ void HintFollower::look_back(const MotionHint& now, const Se3& T_odom_camera,
 
 Matrix6d HintFollower::rely(const HintedMotion& step, std::span<const Vector6d> free) noexcept {
   const double before = relied_.squaredNorm();
-  const Vector6d whole = step.T_last_now.inverse().adjoint() * relied_ + step.T_last_now.log();
+  // What a frozen source missed is wrong as a whole, not by a share.
+  const Vector6d way = step.T_last_now.log() + step.missed / config_.external_share;
+  const Vector6d whole = step.T_last_now.inverse().adjoint() * relied_ + way;
   relied_.setZero();
   for (const Vector6d& axis : free) relied_ += axis * axis.dot(whole);
   const double grown = relied_.squaredNorm() - before;

@@ -15,11 +15,15 @@ namespace maplet {
 struct HintedMotion {
   Se3 T_last_now;
   Matrix6d information = Matrix6d::Zero();  ///< tangent of now; a gyro knows no translation
+  /// What a source that has frozen may have left out: it would have gone on like that.
+  Vector6d missed = Vector6d::Zero();
 };
 
 /// External odometry and gyro: what they say since the last tracked frame, and whether they are to
 /// be believed. Who contradicts what was seen three frames in a row is only watched from then on,
-/// and believed again after it has agreed for a while.
+/// and believed again after it has agreed for a while. Who leaps farther than any camera moves, or
+/// stands still from one frame to the next in full motion (a source that froze repeats its last
+/// pose, its last twist ends in zeros), is not believed over a time in which nothing was seen.
 ///
 /// Memory   inside the object.
 /// Math     docs/math/odometry.md, section "Motion prior"
@@ -33,12 +37,16 @@ class HintFollower {
   /// @return whether `kind` has something to say of the motion from the last tracked frame to now
   [[nodiscard]] bool motion(Kind kind, const MotionHint& now, HintedMotion& out) const noexcept;
   [[nodiscard]] bool believed(Kind kind) const noexcept { return states_[kind].believed; }
-
-  /// The frame `now` was tracked: counts from here on.
-  void keep(const MotionHint& now) noexcept {
-    last_ = now;
-    known_ = true;
+  /// Whether it leapt since the last tracked frame, or froze while nothing was seen.
+  [[nodiscard]] bool broke_off(Kind kind) const noexcept {
+    return states_[kind].leapt || (states_[kind].froze && frames_ > 1);
   }
+
+  /// Every frame, tracked or not, before the others: what was said since the frame before.
+  /// @param dt_s  since then; 0 if nobody knows
+  void watch(const MotionHint& now, double dt_s) noexcept;
+  /// The frame `now` was tracked: counts from here on.
+  void keep(const MotionHint& now) noexcept;
   /// Compares what was seen with what was said over a longer way than a frame's: what is a few
   /// per cent of a step off, each time to the same side, is only seen there.
   /// @param free  tangents of camera along which nothing was seen but what hints filled: the rest
@@ -58,6 +66,12 @@ class HintFollower {
     bool believed = true;
     int streak = 0;  ///< of the opposite
     bool agreed_over_way = true;
+    Vector6d rate = Vector6d::Zero();  ///< said lately, 1/s
+    bool frozen = false;               ///< stands still since the rate was that
+    // Since the last tracked frame:
+    bool leapt = false;
+    bool froze = false;
+    Vector6d missed = Vector6d::Zero();
   };
   struct Way {  ///< since its beginning
     MotionHint hint;
@@ -68,9 +82,13 @@ class HintFollower {
   [[nodiscard]] bool between(Kind kind, const MotionHint& from, const MotionHint& now,
                              HintedMotion& out) const noexcept;
 
+  void watch(State& state, const Vector6d& step, double dt_s) noexcept;
+
   OdometryConfig config_;
-  MotionHint last_;
+  MotionHint last_;    ///< of the last tracked frame
+  MotionHint before_;  ///< of the frame before
   bool known_ = false;
+  int frames_ = 0;  ///< since the last tracked one
   Way way_;
   Vector6d relied_ = Vector6d::Zero();  ///< the way that hints alone have made, tangent of camera
   State states_[kKinds];

@@ -30,7 +30,10 @@ const Keyframe& KeyframePool::commit(const PatchView& frame) noexcept {
   slot.place = {keyframe.id, keyframe.segment, keyframe.T_odom_camera.se3};
   slot.view.assign(keyframe.patches, config_);
   const std::size_t same = std::min(slot.view.facets().size(), frame.facets().size());
-  for (std::size_t i = 0; i < same; ++i) slot.view.facets()[i].moved = frame.facets()[i].moved;
+  for (std::size_t i = 0; i < same; ++i) {
+    slot.view.facets()[i].moved = frame.facets()[i].moved;
+    slot.view.facets()[i].fresh = frame.facets()[i].fresh;
+  }
   used_ = std::max(used_, newest_ + 1);
   return keyframe;
 }

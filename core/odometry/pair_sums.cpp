@@ -1,6 +1,9 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #include "core/odometry/pair_sums.hpp"
 
+#include <Eigen/Cholesky>
+#include <array>
+
 namespace maplet {
 
 namespace {
@@ -8,6 +11,7 @@ namespace {
 constexpr double kPairTailDof = 3.0;   // of the t-distribution of residuals
 constexpr double kInlierChi2 = 16.27;  // 99.9 % of 3 degrees of freedom
 constexpr std::size_t kEveryPair = 4;  // is asked for its noise
+constexpr double kTiny = 1e-9;
 
 double tail_weight(double chi2) noexcept {
   return (kPairTailDof + 3.0) / (kPairTailDof + chi2);  // eq. 4
@@ -20,16 +24,15 @@ Eigen::Matrix3d skew_moment(const Eigen::Matrix3d& m, const Eigen::Matrix3d& w) 
          m.trace() * w + product + product.transpose();
 }
 
-}  // namespace
-
-NormalEquations normal_equations(std::span<const FacetPair> pairs,
-                                 const PlaneMotion& motion) noexcept {
+// The upper blocks of the normal equations, until they are put together.
+struct Sums {
   Sym3 vv;
   Sym3 ww;
   Eigen::Matrix3d vw = Eigen::Matrix3d::Zero();
   Eigen::Vector3d bv = Eigen::Vector3d::Zero();
   Eigen::Vector3d bw = Eigen::Vector3d::Zero();
-  for (const FacetPair& pair : pairs) {
+
+  void add(const FacetPair& pair, const PlaneMotion& motion) noexcept {
     const Eigen::Vector3d residual = pair.frame->theta - motion(pair.reference->theta);
     const Eigen::Vector3d wr = pair.weight * residual;
     const double weight = tail_weight(dot(residual, wr));
@@ -50,14 +53,38 @@ NormalEquations normal_equations(std::span<const FacetPair> pairs,
     bv += g * dot(wg, residual);
     bw += weight * wr.cross(g);
   }
-  NormalEquations out;
-  out.information << vv.matrix(), vw, vw.transpose(), ww.matrix();
-  out.gradient << bv, bw;
-  return out;
+
+  [[nodiscard]] NormalEquations equations() const noexcept {
+    NormalEquations out;
+    out.information << vv.matrix(), vw, vw.transpose(), ww.matrix();
+    out.gradient << bv, bw;
+    return out;
+  }
+};
+
+}  // namespace
+
+double PairEvidence::disagreement(const NormalEquations& prior) const noexcept {
+  const Eigen::LDLT<Matrix6d> without{known.information + prior.information};
+  const Vector6d step = without.solve(known.gradient + prior.gradient);
+  const Vector6d pull = fresh.gradient - fresh.information * step;
+  const Matrix6d expected =
+      fresh.information + fresh.information * without.solve(fresh.information);
+  const Vector6d scale = expected.diagonal().cwiseMax(kTiny).cwiseSqrt().cwiseInverse();
+  Matrix6d scaled = scale.asDiagonal() * expected * scale.asDiagonal();
+  scaled.diagonal().array() += kTiny;
+  const Vector6d whitened = scale.cwiseProduct(pull);
+  return whitened.dot(scaled.ldlt().solve(whitened)) / 6.0;
 }
 
-Matrix6d spurious_information(std::span<const FacetPair> pairs,
-                              const PlaneMotion& motion) noexcept {
+PairEvidence evidence_of(std::span<const FacetPair> pairs, const PlaneMotion& motion) noexcept {
+  std::array<Sums, 2> sums;
+  for (const FacetPair& pair : pairs) sums[pair.reference->fresh ? 1 : 0].add(pair, motion);
+  return {sums[0].equations(), sums[1].equations()};
+}
+
+Matrix6d spurious_information(std::span<const FacetPair> pairs, const PlaneMotion& motion,
+                              double trust) noexcept {
   Matrix6d out = Matrix6d::Zero();
   for (std::size_t i = 0; i < pairs.size(); i += kEveryPair) {
     const FacetPair& pair = pairs[i];
@@ -66,13 +93,14 @@ Matrix6d spurious_information(std::span<const FacetPair> pairs,
     const Eigen::Vector3d t = q / s;
     const Eigen::Matrix3d J = (motion.R - t * (motion.p.transpose() * motion.R)) / s;
     const Eigen::Matrix3d moment = congruence(J, pair.reference->surface_covariance).matrix();
-    out.topLeftCorner<3, 3>() += dot(t, pair.weight * t) * moment;
-    out.bottomRightCorner<3, 3>() += skew_moment(moment, pair.weight.matrix());
+    const Sym3 weight = pair.weight * (pair.reference->fresh ? trust : 1.0);
+    out.topLeftCorner<3, 3>() += dot(t, weight * t) * moment;
+    out.bottomRightCorner<3, 3>() += skew_moment(moment, weight.matrix());
   }
   return static_cast<double>(kEveryPair) * out;
 }
 
-PairVerdict judge_pairs(std::span<const FacetPair> pairs, const PlaneMotion& motion,
+PairVerdict judge_pairs(std::span<const FacetPair> pairs, const PlaneMotion& motion, double trust,
                         ScoreBlocks* blocks) noexcept {
   PairVerdict out;
   for (const FacetPair& pair : pairs) {
@@ -80,7 +108,7 @@ PairVerdict judge_pairs(std::span<const FacetPair> pairs, const PlaneMotion& mot
     const Eigen::Vector3d wr = pair.weight * residual;
     const double chi2 = dot(residual, wr);
     if (blocks != nullptr) {
-      const double weight = tail_weight(chi2);
+      const double weight = (pair.reference->fresh ? trust : 1.0) * tail_weight(chi2);
       const Eigen::Vector3d g = motion(pair.reference->surface);
       Vector6d score;
       score << g * (weight * dot(wr, g)), weight * wr.cross(g);

@@ -43,17 +43,38 @@ struct NormalEquations {
   }
 };
 
+/// What is known to stand still, and what may not.
+struct PairEvidence {
+  NormalEquations known;
+  NormalEquations fresh;
+
+  void operator+=(const PairEvidence& other) noexcept {
+    known += other.known;
+    fresh += other.fresh;
+  }
+  [[nodiscard]] NormalEquations whole(double trust) const noexcept {
+    return {known.information + trust * fresh.information, known.gradient + trust * fresh.gradient};
+  }
+  /// Squared distance of what the fresh pairs ask for from where the known ones and the prior lead,
+  /// per degree of freedom and over what both let expect.
+  ///
+  /// @param prior  what is known without looking
+  /// Math  docs/math/odometry.md, eq. 22
+  [[nodiscard]] double disagreement(const NormalEquations& prior) const noexcept;
+};
+
 /// Normal equations of the pairs (tangent of camera).
 ///
 /// Math  docs/math/odometry.md, eq. 4-5
-[[nodiscard]] NormalEquations normal_equations(std::span<const FacetPair> pairs,
-                                               const PlaneMotion& motion) noexcept;
+[[nodiscard]] PairEvidence evidence_of(std::span<const FacetPair> pairs,
+                                       const PlaneMotion& motion) noexcept;
 
 /// The information that noise of the references' normals makes up. Looks at every fourth pair.
 ///
+/// @param trust  weight of fresh pairs
 /// Math  docs/math/odometry.md, eq. 7
 [[nodiscard]] Matrix6d spurious_information(std::span<const FacetPair> pairs,
-                                            const PlaneMotion& motion) noexcept;
+                                            const PlaneMotion& motion, double trust) noexcept;
 
 /// What the pairs of one reference say of a pose that was found.
 struct PairVerdict {
@@ -62,8 +83,9 @@ struct PairVerdict {
   std::uint32_t inliers = 0;
 };
 
+/// @param trust   weight of fresh pairs
 /// @param blocks  takes the pairs' scores; may be null
 [[nodiscard]] PairVerdict judge_pairs(std::span<const FacetPair> pairs, const PlaneMotion& motion,
-                                      ScoreBlocks* blocks) noexcept;
+                                      double trust, ScoreBlocks* blocks) noexcept;
 
 }  // namespace maplet

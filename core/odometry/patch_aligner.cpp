@@ -23,6 +23,9 @@ constexpr double kMaxChi2PerDof = 2.5;
 // Walls and floors look alike: of any two views of rooms a third agrees somewhere by chance.
 constexpr double kMinAgreement = 0.55;
 constexpr double kMuchSeen = 0.3;
+// What nobody has seen stand still yet: trusted as long as it agrees with what did.
+constexpr double kHardly = 1e-3;
+constexpr double kBelieved = 4.0;  // squared sigmas per degree of freedom
 
 // How far parts of the evidence pull apart (eq. 15), whitened by the whole.
 struct Pull {
@@ -75,6 +78,7 @@ double PatchAligner::associate_with(const PatchView& frame, const Reference& ref
   const Eigen::Vector3d Rp = motion.R.transpose() * motion.p;
   double landed = 0.0;
   for (const Facet& facet : frame.facets().first(slack.facets)) {
+    if (facet.moved) continue;
     const int found = reference.view->at(times(R_rc, facet.centre) + T_reference_camera.t);
     if (found == PatchView::kNone) continue;
     const Facet& other = reference.view->facets()[static_cast<std::size_t>(found)];
@@ -102,10 +106,10 @@ double PatchAligner::associate_with(const PatchView& frame, const Reference& ref
   return landed;
 }
 
-NormalEquations PatchAligner::equations(References references, const Se3& T) const noexcept {
-  NormalEquations sums;
+PairEvidence PatchAligner::evidence(References references, const Se3& T) const noexcept {
+  PairEvidence sums;
   for (std::size_t r = 0; r < references.size(); ++r) {
-    sums += normal_equations(pairs_of(r), PlaneMotion{references[r].T_reference_odom * T});
+    sums += evidence_of(pairs_of(r), PlaneMotion{references[r].T_reference_odom * T});
   }
   return sums;
 }
@@ -113,7 +117,8 @@ NormalEquations PatchAligner::equations(References references, const Se3& T) con
 Matrix6d PatchAligner::spurious(References references, const Se3& T) const noexcept {
   Matrix6d out = Matrix6d::Zero();
   for (std::size_t r = 0; r < references.size(); ++r) {
-    out += spurious_information(pairs_of(r), PlaneMotion{references[r].T_reference_odom * T});
+    out +=
+        spurious_information(pairs_of(r), PlaneMotion{references[r].T_reference_odom * T}, trust_);
   }
   return out;
 }
@@ -142,6 +147,7 @@ Alignment PatchAligner::run(const PatchView& frame, References references, const
   Slack slack{std::max(kFineM, start.sigma_m), std::max(kFineRad, start.sigma_rad), 0};
   Matrix6d noise = Matrix6d::Zero();
   bool last = false;
+  trust_ = kHardly;
   int level = photo.empty() ? 0 : GrayPyramid::kLevels;
   for (int i = 0; i < config_.max_iterations; ++i) {
     if (out.iterations > 0 && deadline.expired()) {
@@ -155,10 +161,14 @@ Alignment PatchAligner::run(const PatchView& frame, References references, const
       associate(frame, references, out.T_odom_camera, slack);
       noise = spurious(references, out.T_odom_camera);
     }
-    NormalEquations sums = equations(references, out.T_odom_camera);
+    const Vector6d to_prior = (out.T_odom_camera.inverse() * prior.T_odom_camera).log();
+    const PairEvidence seen = evidence(references, out.T_odom_camera);
+    trust_ = seen.disagreement({prior.information, prior.information * to_prior}) < kBelieved
+                 ? 1.0
+                 : kHardly;
+    NormalEquations sums = seen.whole(trust_);
     photo.accumulate(out.T_odom_camera, level, sums.information, sums.gradient);
     const KnownDirections known = known_directions(sums.information, sums.gradient, noise, scale_);
-    const Vector6d to_prior = (out.T_odom_camera.inverse() * prior.T_odom_camera).log();
     const Matrix6d held = prior.information + known.pin;
     const Matrix6d hessian = known.information + held;
     const Vector6d step = hessian.ldlt().solve(known.gradient + held * to_prior);
@@ -181,11 +191,11 @@ void PatchAligner::judge(std::span<const Facet> facets, References references,
   blocks_.clear();
   double chi2 = 0.0;
   double all_pixels = 1.0;
-  for (const Facet& facet : facets) all_pixels += facet.pixels;
+  for (const Facet& facet : facets) all_pixels += facet.moved ? 0.0 : facet.pixels;
   for (std::size_t r = 0; r < references.size(); ++r) {
     const PlaneMotion motion{references[r].T_reference_odom * out.T_odom_camera};
     const PairVerdict verdict =
-        judge_pairs(pairs_of(r), motion, references[r].previous ? nullptr : &blocks_);
+        judge_pairs(pairs_of(r), motion, trust_, references[r].previous ? nullptr : &blocks_);
     chi2 += verdict.chi2;
     const double overlap = verdict.pixels / all_pixels;
     if (overlap > out.overlap) {
@@ -214,7 +224,8 @@ void PatchAligner::weigh(References all, PhotoTerm& photo, Alignment& out) noexc
   std::array<NormalEquations, kMaxReferences> parts;
   NormalEquations whole;
   for (std::size_t r = 0; r < count; ++r) {
-    parts[r] = normal_equations(pairs_of(r), PlaneMotion{references[r].T_reference_odom * T});
+    parts[r] =
+        evidence_of(pairs_of(r), PlaneMotion{references[r].T_reference_odom * T}).whole(trust_);
     whole += parts[r];
   }
   if (!photo.empty()) {

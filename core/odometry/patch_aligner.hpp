@@ -106,7 +106,7 @@ class PatchAligner {
     const std::size_t begin = reference == 0 ? 0 : pair_end_[reference - 1];
     return pairs_.subspan(begin, pair_end_[reference] - begin);
   }
-  [[nodiscard]] NormalEquations equations(References references, const Se3& T) const noexcept;
+  [[nodiscard]] PairEvidence evidence(References references, const Se3& T) const noexcept;
   [[nodiscard]] Matrix6d spurious(References references, const Se3& T) const noexcept;
   void judge(std::span<const Facet> facets, References references, Alignment& out) noexcept;
   void weigh(References references, PhotoTerm& photo, Alignment& out) noexcept;
@@ -118,6 +118,7 @@ class PatchAligner {
   std::span<FacetPair> pairs_;
   std::size_t pair_count_ = 0;
   std::array<std::size_t, kMaxReferences> pair_end_{};  ///< of each reference's pairs
+  double trust_ = 1.0;                                  ///< in fresh pairs: all, or hardly any
   std::array<double, kMaxReferences> landed_{};  ///< pixels of the frame on patches of each one
   ScoreBlocks blocks_;
 };

@@ -35,6 +35,7 @@ PatchView::PatchView(std::size_t facets, Arena& arena)
 void PatchView::assign(const PatchSet& set, const OdometryConfig& config) noexcept {
   camera_ = set.camera;
   size_ = 0;
+  frames_ = 0;
   pixels_ = 0.0;
   const std::size_t count = set.patches.size();
   for (std::size_t i = 0; i < count; ++i) order_[i] = static_cast<std::uint16_t>(i);
@@ -62,6 +63,7 @@ void PatchView::assign(const PatchSet& set, const OdometryConfig& config) noexce
     }
     facet.moved = false;
     facet.stood = false;
+    facet.fresh = false;
     facet.centre = patch.centre();
     facet.pixels = pixels;
     facet.block = score_block(patch.u_px + 0.5 * patch.width_px, patch.v_px + 0.5 * patch.height_px,

@@ -22,13 +22,14 @@ struct alignas(64) Facet {
   /// are noisy; as a Jacobian they would claim to see free directions.
   Eigen::Vector3d surface;
   double pixels;
-  std::size_t block;  ///< of the image: ScoreBlocks
+  std::uint8_t block;  ///< of the image: ScoreBlocks
+  bool moved = false;  ///< it does not stand still: no reference
+  bool stood = false;  ///< a keyframe saw it where it is
+  bool fresh = false;  ///< nobody knows yet whether it stands still: a weak reference
 
   Sym3 covariance;         ///< of theta, with the sensor's bias
   Eigen::Vector3d centre;  ///< camera frame, m
   Sym3 surface_covariance;
-  bool moved = false;  ///< it does not stand still: no reference
-  bool stood = false;  ///< a keyframe saw it where it is
 };
 
 /// A frame's patches as the alignment reads them: the largest first, and which one lies at a pixel.
@@ -49,6 +50,8 @@ class PatchView {
   [[nodiscard]] const CameraModel& camera() const noexcept { return camera_; }
   /// Pixels on all facets.
   [[nodiscard]] double pixels() const noexcept { return pixels_; }
+  /// How many frames were held against it, to see what moves; this is one more.
+  int count_frame() noexcept { return ++frames_; }
 
   /// The share of the largest facets' pixels that lie on `other`'s surfaces, within a tenth of
   /// their inverse depth. Time O(1): 48 facets are looked at.
@@ -96,6 +99,7 @@ class PatchView {
   CameraModel camera_;
   std::size_t size_ = 0;
   double pixels_ = 0.0;
+  int frames_ = 0;
   int cell_px_ = 1;
   int columns_ = 0;
 };

@@ -22,10 +22,11 @@ constexpr double kAgreementGain = 0.3;  // who walks in changes it, too
 constexpr int kBackwardToFollow = 3;    // frames in a row: the source's time begins anew
 constexpr double kBetterOverlap = 1.1;
 constexpr double kMuchMoves = 0.1;
-// What moves is near, and near surfaces are known best: a body that fills a third of the view pulls
-// the pose along by centimetres a frame (docs/math/odometry.md, "What moves").
-constexpr double kPulledM = 0.06;    // a frame, times the share of the view
-constexpr double kPulledRad = 0.02;  // the same
+constexpr double kSomeMoves = 0.03;  // less is noise at edges
+// What moves is near, and near surfaces are known best: what is left of a body that fills a third
+// of the view pulls the pose along (docs/math/odometry.md, "What moves").
+constexpr double kPulledM = 0.02;     // a frame, times the share of the view
+constexpr double kPulledRad = 0.007;  // the same
 constexpr double kStillOverlap = 0.97;
 // Standard deviations of a start from which intensities may lead.
 constexpr double kGrayNearM = 0.05;
@@ -71,10 +72,12 @@ Track Tracker::run(const DepthFrame& frame, const PatchSet& patches, Deadline de
   track.stamp = frame.stamp;
   ++counters_.frames;
   const std::uint64_t leaps = counters_.leaps;
+  hints_.watch(frame.motion, counters_.frames == 1 ? 0.0 : seconds(frame.stamp - last_stamp_));
   predict(frame.stamp);
   track.leapt = counters_.leaps > leaps;
   now_ = 1 - now_;
   views_[now_].assign(patches, config_);
+  if (has_previous_ && moving_ > kSomeMoves) carry_marks(views_[now_], views_[1 - now_]);
   photo_.assign(frame);
   if (const Loss blind = blindness(patches); blind != Loss::kNone) {
     lose(blind, track);
@@ -123,11 +126,12 @@ Track Tracker::run(const DepthFrame& frame, const PatchSet& patches, Deadline de
     } else {
       return_to_older(seen, alignment, deadline);
     }
+    const Stamp before = tracked_stamp_;
     accept(frame, alignment, track);
-    const double moving =
-        mark_what_moves(views_[now_], keyframes_of(seen), alignment.T_odom_camera);
-    if (moving > kMuchMoves) ++counters_.with_moving;
-    doubt(moving, track);
+    moving_ = mark_what_moves(views_[now_], keyframes_of(seen), alignment.T_odom_camera, moving_);
+    if (seconds(frame.stamp - before) > kVideoS) trust_all(views_[now_]);
+    if (moving_ > kMuchMoves) ++counters_.with_moving;
+    doubt(moving_, track);
   } else if (lost_ && (unexplained_ ? find_out(alignment, deadline)
                                     : relocalise(alignment, 0.0, deadline))) {
     ++counters_.recovered;

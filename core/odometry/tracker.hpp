@@ -76,6 +76,7 @@ class Tracker {
  private:
   static constexpr double kSearchSlackM = 0.1;  // how far off another start may be
   static constexpr double kSearchSlackRad = 0.1;
+  static constexpr double kVideoS = 0.11;  // between frames that hardly differ
 
   struct Guess {  ///< where else the camera may be, from a hint that contradicts the prediction
     bool any = false;
@@ -151,6 +152,7 @@ class Tracker {
   std::uint32_t next_segment_ = 1;
   /// Of the gaps between this segment and the one before; none in the first segment.
   Matrix6d gap_covariance_ = Matrix6d::Zero();
+  double moving_ = 0.0;  ///< share of the last frame that did not stand still
   double moved_ = 0.0;  ///< squared shares of the view that did not stand still, since the keyframe
   int frames_to_return_ = 0;             ///< until an older keyframe is tried alone again
   Matrix6d strayed_ = Matrix6d::Zero();  ///< this frame's correction, as a covariance

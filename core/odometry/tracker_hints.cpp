@@ -18,6 +18,7 @@ void Tracker::take_hints(const MotionHint& hint, Guess& guess) noexcept {
   Matrix6d turn = Matrix6d::Identity();
   for (const auto kind : {HintFollower::kPose, HintFollower::kTurn}) {
     HintedMotion motion;
+    if (hints_.broke_off(kind)) ++counters_.hints_refused;
     if (!hints_.believed(kind) || !hints_.motion(kind, hint, motion)) continue;
     Se3 hinted = T_odom_last_ * motion.T_last_now;
     if (kind == HintFollower::kTurn) hinted.t = filter_.pose().t;

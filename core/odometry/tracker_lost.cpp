@@ -19,8 +19,7 @@ constexpr double kFrameS = 1.0 / 30.0;  // no two frames are nearer, whatever th
 constexpr double kAnyStepM = 0.05;      // on top of what the fastest camera makes
 constexpr double kAnyStepRad = 0.15;    // the same
 constexpr double kCoveredShare = 0.05;  // of the image, with depth
-constexpr double kVideoS = 0.11;
-constexpr double kMostChange = 0.1;  // of the agreement; tracked frames differ by a hundredth
+constexpr double kMostChange = 0.1;     // of the agreement; tracked frames differ by a hundredth
 constexpr int kPatience = 4;
 constexpr double kNearM = 0.5;  // to where the camera is believed to be
 constexpr double kNearRad = 0.5;
@@ -191,6 +190,7 @@ void Tracker::lose(Loss why, Track& track) noexcept {
 
 void Tracker::stand_at_prediction(Track& track) noexcept {
   has_previous_ = false;
+  moving_ = 0.0;
   track.state = Track::State::kLost;
   track.T_odom_camera = Transform<OdomFrame, CameraFrame>{filter_.pose()};
   if (pool_.empty()) return;

@@ -97,7 +97,6 @@ void add_body(PatchScene& scene, const Se3& T_world_body) {
   }
 }
 
-// To where he leaves the view: what moves at the border no keyframe knows.
 TEST(BadInput, ABodyThatWalksThroughDoesNotTakeTheTrackAlong) {
   PatchScene scene = test::room();
   const std::size_t walls = scene.rectangles.size();
@@ -106,7 +105,24 @@ TEST(BadInput, ABodyThatWalksThroughDoesNotTakeTheTrackAlong) {
     scene.rectangles.resize(walls);
     add_body(scene, wandering(0.0) * Se3::exp((-1.0 + 0.02 * i) * Vector6d::Unit(0)) *
                         Se3::exp(1.1 * Vector6d::Unit(2)));
-    expect_near_truth(session.step(scene, wandering(0.01 * i)), 0.01 * i, 0.03);
+    expect_near_truth(session.step(scene, wandering(0.01 * i)), 0.01 * i, 0.01);
+  }
+}
+
+// The camera turns towards him: he comes out of what no keyframe has seen yet, nearer than all that
+// one has.
+TEST(BadInput, ABodyThatTheCameraTurnsToDoesNotTakeTheTrackAlong) {
+  PatchScene scene = test::room();
+  const std::size_t walls = scene.rectangles.size();
+  TrackSession session;
+  for (int i = 0; i < 60; ++i) {
+    const Se3 truth = Se3::exp(0.012 * i * Vector6d::Unit(4));
+    scene.rectangles.resize(walls);
+    add_body(scene, truth * Se3::exp((1.0 - 0.025 * i) * Vector6d::Unit(0)) *
+                        Se3::exp(1.1 * Vector6d::Unit(2)));
+    const Track track = session.step(scene, truth);
+    ASSERT_EQ(track.state, Track::State::kTracking) << i;
+    ASSERT_LT((truth.inverse() * track.T_odom_camera.se3).t.norm(), 0.03) << i;
   }
 }
 

@@ -25,7 +25,7 @@ struct Views {
   }
   void mark(const Se3& T_odom_camera) {
     const Reference reference{&keyframe, Se3{}};
-    mark_what_moves(frame, {&reference, 1}, T_odom_camera);
+    mark_what_moves(frame, {&reference, 1}, T_odom_camera, 0.0);
   }
   static double share_moved(const PatchView& view, double nearer_m, double farther_m) {
     double moved = 0.0;

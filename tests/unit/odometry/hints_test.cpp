@@ -111,6 +111,46 @@ TEST(Hints, StaleOnesAreDoubtedAfterAWhile) {
   EXPECT_GT(session.tracker->counters().hints_refused, 0u);
 }
 
+// Down a corridor the odometry ends in the middle of the way: it says what it said last.
+TEST(Hints, FrozenAlongAFreeAxisTheyClaimLittle) {
+  const PatchScene scene = test::corridor();
+  TrackSession session;
+  double variance = 0.0;
+  Track track;
+  for (int i = 0; i < 60; ++i) {
+    const Se3 truth = Se3::exp(0.02 * i * Vector6d::Unit(2));
+    session.frame.motion = pose_hint(i < 30 ? truth : Se3::exp(0.6 * Vector6d::Unit(2)));
+    track = session.step(scene, truth);
+    ASSERT_EQ(track.state, Track::State::kTracking) << i;
+    if (track.keyframe_due) variance += session.last_keyframe->covariance(2, 2);
+  }
+  const double error = 0.02 * 59 - track.T_odom_camera.se3.t.z();
+  EXPECT_LT(error, 2.5 * std::sqrt(variance + track.covariance(2, 2)));
+}
+
+// A source that stands still slowly is believed; one that breaks off in full motion while nothing
+// is seen, or leaps, is not.
+TEST(Hints, InTheDarkOnlyWhoGoesOnMeasuringIsBelieved) {
+  const PatchScene scene = test::room();
+  enum class Source { kGoesOn, kFreezes, kLeaps };
+  for (const auto source : {Source::kGoesOn, Source::kFreezes, Source::kLeaps}) {
+    TrackSession session;
+    Track track;
+    for (int i = 0; i < 40; ++i) {
+      const Se3 truth = wandering(0.033 * i);
+      const bool dark = i >= 20 && i < 39;
+      Se3 said = source == Source::kFreezes && i >= 20 ? wandering(0.033 * 19) : truth;
+      if (source == Source::kLeaps && i >= 25) said = said * Se3::exp(0.6 * Vector6d::Unit(4));
+      session.frame.motion = pose_hint(said);
+      const std::uint64_t used = session.tracker->counters().hints_used;
+      track = session.step(dark ? PatchScene{} : scene, truth);
+      if (i < 39) continue;
+      EXPECT_EQ(session.tracker->counters().hints_used - used, source == Source::kGoesOn ? 1u : 0u)
+          << static_cast<int>(source);
+    }
+  }
+}
+
 TEST(Hints, TwiceAsLongAsTheWayTheyAreDoubted) {
   const PatchScene scene = test::room();
   TrackSession session;

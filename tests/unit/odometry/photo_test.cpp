@@ -118,7 +118,7 @@ TEST(Photo, CountsInAFrameWhoseSecondStartWasRefused) {
                           kDepthCamera.width_px};
     session.frame.motion.has_pose = true;
     session.frame.motion.T_external_camera =
-        sliding(i) * Se3::exp((i == 11 ? 0.8 : 0.0) * Vector6d::Unit(3));
+        sliding(i) * Se3::exp((i == 11 ? 0.3 : 0.0) * Vector6d::Unit(3));
     track = session.step(wall.scene, sliding(i));
   }
   EXPECT_GE(session.tracker->counters().hints_refused, 1u);
