@@ -65,6 +65,7 @@ struct Sums {
 }  // namespace
 
 double PairEvidence::disagreement(const NormalEquations& prior) const noexcept {
+  if (fresh.information.isZero(0.0)) return 0.0;
   const Eigen::LDLT<Matrix6d> without{known.information + prior.information};
   const Vector6d step = without.solve(known.gradient + prior.gradient);
   const Vector6d pull = fresh.gradient - fresh.information * step;
