@@ -30,12 +30,13 @@ restarted() { # PID_BEFORE
 }
 
 # Stops the estimator's thread, which is the main one, and no other: by the debugger's call. Whoever
-# traces it must live on, or it would go on.
+# traces it must live on, or it would go on; and end with it, or its remains would stay.
 hang_estimator() { # PID
   perl -e 'my $t = int($ARGV[0]);
            syscall(101, 0x4206, $t, 0, 0) == 0 or die "PTRACE_SEIZE: $!\n";
            syscall(101, 0x4207, $t, 0, 0) == 0 or die "PTRACE_INTERRUPT: $!\n";
-           sleep 120' "$1" &
+           my $wall = 0x40000000;  # any thread; 9 is SIGKILL
+           1 while waitpid($t, $wall) == $t && $? != 9' "$1" &
 }
 
 # The service does not come up: what it says, and the end.

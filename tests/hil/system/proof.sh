@@ -46,7 +46,8 @@ hang_estimator "$before"
 begin=$(ms)
 soon 30 restarted "$before"
 held=$?
-claim $held "a hung estimator is killed by the watchdog and comes back: $(($(ms) - begin)) ms, WatchdogSec=$(show WatchdogUSec)"
+took=$(($(ms) - begin))
+claim $((held + (took > 10000))) "a hung estimator is killed by the watchdog and comes back: $took ms, WatchdogSec=$(show WatchdogUSec)"
 soon 20 running
 held=$?
 claim $held "and tracks again"
@@ -68,9 +69,8 @@ claim $held "reload"
 most=0
 for ((i = 0; i < cycles; i++)); do
   systemctl reset-failed mapletd
-  begin=$(ms)
   systemctl stop mapletd
-  took=$(($(ms) - begin))
+  took=$((($(show InactiveEnterTimestampMonotonic) - $(show ActiveExitTimestampMonotonic)) / 1000)) # systemctl's own time apart
   [[ $took -le $most ]] || most=$took
   systemctl start mapletd || break
 done
