@@ -27,8 +27,9 @@ void RadioLink::note_status(Instant now) noexcept {
   const auto present = [&](const Peer& peer) { return now - peer.last_heard < kPresent; };
   const bool company = std::ranges::any_of(node_->peers(), present);
   if ((touched_.exchange(false) || busy) && company) busy_at_ = now;
-  if (node_->silent()) busy_at_ = now;  // they will be heard when that ends
-  at_rest_ = (!company && !node_->silent()) || now - busy_at_ > kRest;
+  // When silence ends, they are soon heard, or nobody is there.
+  if (node_->silent()) busy_at_ = now + (kPresent - kRest);
+  at_rest_ = now - busy_at_ > kRest;
 
   records_digest_ = node_->ledger().records_digest();
   settled_ = node_->settled(now);

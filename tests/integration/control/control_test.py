@@ -4,6 +4,7 @@
 import json
 import os
 import random
+import signal
 import socket
 import subprocess
 import tempfile
@@ -232,6 +233,18 @@ class Control(unittest.TestCase):
         self.ctl(1, "radio", "on")
         self.until(lambda: not self.status(1)["exchange"]["silent"])
         self.ctl(1, "radio", "loud", code=2)
+
+    def test_after_silence_the_others_are_waited_for(self):
+        first = self.start(1, None, "--out", f"{self.folder}/out", "--set", "exchange.linger_s=200", frames=100)
+        self.ctl(1, "radio", "silent")
+        self.until(lambda: self.status(1)["frames"]["processed"] == 100)
+        self.ctl(1, "radio", "on")
+        self.until(lambda: not self.status(1)["exchange"]["silent"])
+        time.sleep(1.0)  # nobody is heard yet
+        self.start(2)
+        self.until(lambda: self.status(1)["exchange"]["received"] > 0)
+        self.daemons[-1].send_signal(signal.SIGTERM)
+        self.assertEqual(first.wait(PATIENCE_S), 0)
 
     def test_two_devices_with_one_number_are_noticed(self):
         self.start(1)
