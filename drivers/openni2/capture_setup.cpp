@@ -1,7 +1,11 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 // Opening a device: what is chosen, and what can be wrong with it.
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <unistd.h>
 
+#include <cerrno>
+#include <cstring>
 #include <thread>
 
 #include "core/limits.hpp"
@@ -189,6 +193,13 @@ auto Capture::start_recorder(const std::string& file) -> Setup {
     return bad(fmt::format("cannot be recorded to {}: {}; make room, or name another file", file,
                            last_error()));
   };
+  // OpenNI2's recorder does not come back from a file that it cannot make.
+  const int made = ::open(file.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0666);
+  if (made < 0) {
+    return bad(fmt::format("cannot be recorded to {}: {}; name a file that may be written", file,
+                           std::strerror(errno)));
+  }
+  ::close(made);
   if (recorder_.create(file.c_str()) != openni::STATUS_OK) return failed();
   for (Channel* channel : {&depth_, &colour_}) {
     if (channel->stream.isValid() && recorder_.attach(channel->stream) != openni::STATUS_OK) {

@@ -74,17 +74,20 @@ class Equality(daemon.DaemonTest):
         said = json.loads(self.run_all(
             daemon.BIN / "mapletctl", "record", "--source", "openni2:", "--out",
             self.file("run.oni"), "--frames", FRAMES, "--json", *CAMERA, environment=self.synth()))
-        self.assertEqual((said["frames"], said["dropped"]), (FRAMES, 0))
+        self.assertEqual(said["frames"], FRAMES)  # what came too fast for us is in the file, too
         self.assertEqual(said["bytes"], os.path.getsize(self.file("run.oni")))
         self.same_as_simulated(self.mapletd("openni2:" + self.file("run.oni"), "oni"))
 
     def test_folder_recorded_live(self):
-        said = json.loads(self.run_all(
-            daemon.BIN / "mapletctl", "record", "--source", "openni2:", "--out",
-            self.file("recorded"), "--frames", FRAMES, "--json", *CAMERA,
-            environment=self.synth()))
-        self.assertEqual((said["frames"], said["dropped"]), (FRAMES, 0))
-        self.same_as_simulated(self.mapletd("tum:" + self.file("recorded"), "again"))
+        for attempt in range(3):  # a machine under load may miss a frame
+            folder = self.file(f"recorded{attempt}")
+            said = json.loads(self.run_all(
+                daemon.BIN / "mapletctl", "record", "--source", "openni2:", "--out", folder,
+                "--frames", FRAMES, "--json", *CAMERA, environment=self.synth()))
+            self.assertEqual(said["frames"], FRAMES)
+            if said["dropped"] == 0:
+                return self.same_as_simulated(self.mapletd("tum:" + folder, "again"))
+        return self.fail("frames were missed three times")
 
     def test_a_recording_keeps_to_its_budget(self):
         for out, source in (("b.oni", "openni2:"), ("b", simulator(100000))):
@@ -102,6 +105,7 @@ class Equality(daemon.DaemonTest):
                 (self.file("new.oni"), "sim:room", 2, "only OpenNI2's cameras"),
                 (self.file("new.oni"), "openni2:" + self.file("there.oni"), 2, "is a recording"),
                 (self.file("new.oni"), "openni2:no-such-camera", 1, "no OpenNI2 device found"),
+                ("/nowhere/new.oni", "openni2:", 1, "/nowhere/new.oni: No such file or directory"),
                 ("/proc/new", "sim:room", 1, "/proc/new")):
             done = subprocess.run([str(daemon.BIN / "mapletctl"), "record", "--source", source,
                                    "--out", out], capture_output=True, text=True,
