@@ -12,7 +12,7 @@ namespace {
 
 constexpr float kStartSigma = 12.0F;
 constexpr float kLeastSigma = 2.0F;
-constexpr float kMaxGain = 2.5F;
+constexpr float kMaxGain = 6.0F;
 constexpr int kMinPoints = 40;  // fewer say nothing of gain, offset and scale
 
 PhotoLook look_at(const GrayPyramid::Level& image, const Se3& T_reference_camera,
@@ -57,7 +57,7 @@ void PhotoTerm::follow_brightness(const Se3& T_odom_camera, int level) noexcept 
   const float variance = xx / n - (x / n) * (x / n);
   const float covariance = xy / n - (x / n) * (y / n);
   // A few levels of contrast of its own draw the gain towards one.
-  constexpr float kPrior = 100.0F;
+  constexpr float kPrior = 20.0F;
   gain_ = std::clamp((covariance + kPrior) / (variance + kPrior), 1.0F / kMaxGain, kMaxGain);
   offset_ = y / n - gain_ * x / n;
   const SpreadSums spread = kPhotoBest.spread(look, points, {gain_, offset_, sigma_});

@@ -12,7 +12,7 @@ constexpr int kColumns = 40;  // blocks
 constexpr int kRows = 32;
 static_assert(kColumns * kRows <= PhotoView::kMaxPoints);
 constexpr int kProbes = 4;             // along and down a block
-constexpr float kMinSteepness = 6.0F;  // intensity levels over two pixels
+constexpr float kMinSteepness = 3.0F;  // intensity levels over two pixels
 constexpr double kSmooth = 0.02;       // depth may change by this share beside a point
 constexpr double kOffPatch = 0.03;     // of depth; a pixel farther off its patch is no part of it
 

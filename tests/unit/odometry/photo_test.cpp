@@ -70,15 +70,21 @@ Se3 sliding(int i) {
   return Se3::exp(xi);
 }
 
-void follow(const Se3& T_depth_gray, const CameraModel& gray_camera, bool exposure_jumps) {
+struct Exposure {
+  double gain = 1.0;
+  double offset = 0.0;
+};
+
+// From the fifteenth frame on the gray image is exposed otherwise.
+void follow(const Se3& T_depth_gray, const CameraModel& gray_camera, const Exposure& later) {
   PaintedWall wall;
   TrackSession session;
   const bool beside = gray_camera.width_px != kDepthCamera.width_px;
   for (int i = 0; i < 40; ++i) {
     const Se3 truth = sliding(i);
-    const bool dark = exposure_jumps && i >= 15;
+    const Exposure exposure = i >= 15 ? later : Exposure{};
     wall.measure(truth);
-    wall.paint_gray(truth * T_depth_gray, gray_camera, dark ? 0.6 : 1.0, dark ? 15.0 : 0.0);
+    wall.paint_gray(truth * T_depth_gray, gray_camera, exposure.gain, exposure.offset);
     wall.dress(session.frame);
     const ImageView<std::uint8_t> gray{wall.gray.data(), gray_camera.width_px,
                                        gray_camera.height_px, gray_camera.width_px};
@@ -95,14 +101,16 @@ void follow(const Se3& T_depth_gray, const CameraModel& gray_camera, bool exposu
   EXPECT_GT(session.tracker->counters().with_gray, 35u);
 }
 
-TEST(Photo, FollowsAMotionThatDepthCannotSee) { follow(Se3{}, kDepthCamera, false); }
+TEST(Photo, FollowsAMotionThatDepthCannotSee) { follow(Se3{}, kDepthCamera, {}); }
 
-TEST(Photo, FollowsWhenTheExposureJumps) { follow(Se3{}, kDepthCamera, true); }
+TEST(Photo, FollowsWhenTheExposureJumps) { follow(Se3{}, kDepthCamera, {0.6, 15.0}); }
+
+TEST(Photo, FollowsWhenLittleContrastIsLeft) { follow(Se3{}, kDepthCamera, {0.12, 5.0}); }
 
 TEST(Photo, TakesAGrayCameraOfItsOwn) {
   Vector6d xi;
   xi << 0.025, 0.002, 0.001, 0.01, -0.02, 0.005;
-  follow(Se3::exp(xi), CameraModel{400, 300, 330.0, 332.0, 201.0, 148.0}, false);
+  follow(Se3::exp(xi), CameraModel{400, 300, 330.0, 332.0, 201.0, 148.0}, {});
 }
 
 // A second start is tried by patches alone; where it is refused, the first one's gray still counts.
