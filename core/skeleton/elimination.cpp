@@ -24,6 +24,7 @@ void Elimination<Space>::clear_job() noexcept {
   count_ = last_count_ = orphan_count_ = ordered_ = eliminated_ = 0;
   everything_ = false;
   damping_ = 0.0;
+  model_ = Model::kExact;
 }
 
 template <class Space>
@@ -44,9 +45,10 @@ void Elimination<Space>::keep_last(int node) noexcept {
 }
 
 template <class Space>
-void Elimination<Space>::touch_all(double damping) noexcept {
+void Elimination<Space>::touch_all(double damping, Model model) noexcept {
   everything_ = true;
   damping_ = damping;
+  model_ = model;
   for (int i = 0; i < graph_.node_end(); ++i)
     if (graph_.node(i).used) touch(i);
 }

@@ -8,6 +8,7 @@
 #include "core/skeleton/allowance.hpp"
 #include "core/skeleton/column_pool.hpp"
 #include "core/skeleton/graph.hpp"
+#include "core/skeleton/linearise.hpp"
 #include "core/skeleton/ordering.hpp"
 
 namespace maplet {
@@ -41,7 +42,8 @@ class Elimination {
   /// @pre touched; eliminated after the others, the later the more recently said
   void keep_last(int node) noexcept;
   /// Everything touched; forgets the old factor's values, which takes `damping` * diag(H) in.
-  void touch_all(double damping) noexcept;
+  /// @param model  a relaxation: its factor serves no other purpose than to solve it
+  void touch_all(double damping, Model model = Model::kExact) noexcept;
   void begin() noexcept;
   [[nodiscard]] Result run(Allowance& allowance) noexcept;
   [[nodiscard]] bool busy() const noexcept { return phase_ != Phase::kIdle; }
@@ -125,6 +127,7 @@ class Elimination {
   Phase phase_ = Phase::kIdle;
   bool everything_ = false;
   double damping_ = 0.0;
+  Model model_ = Model::kExact;
   std::uint64_t damped_ = 0;
   int effort_ = 0;
 };

@@ -2,7 +2,6 @@
 // The numbers of one column: docs/math/skeleton.md, eq. 8-10.
 #include "core/skeleton/block_kernels.hpp"
 #include "core/skeleton/elimination.hpp"
-#include "core/skeleton/linearise.hpp"
 
 namespace maplet {
 
@@ -20,6 +19,10 @@ void Elimination<Space>::eliminate(int node) noexcept {
   // A point's orientation: nothing measures it, nothing couples to it, it stays where it is.
   if (graph_.node(node).point && (everything_ || !pool_.has(node)))
     diagonal.diagonal().template tail<kDim - Space::kPoint>().array() += 1.0;
+  if (model_ != Model::kExact) {  // what the relaxation has no word for
+    diagonal.diagonal().template tail<kDim - Space::kPoint>().array() += 1.0;
+    if (!(diagonal(0, 0) > 0.0)) diagonal.diagonal().array() += 1.0;
+  }
   diagonal.diagonal().array() += graph_.node(node).anchor - anchored_[node];
   anchored_[node] = graph_.node(node).anchor;
   subtract_new_columns(node);
@@ -61,7 +64,8 @@ void Elimination<Space>::add_factors(int node) noexcept {
     if (!f.state.in_job) return;
     if (other != kNone && work_[other].rank < work_[node].rank) return;
     const auto add = [&](const typename Space::Pose& rel, double weight, double sign) {
-      const HessianBlocks<Space> h = hessian(f, rel, sign * weight);
+      const HessianBlocks<Space> h =
+          model_ == Model::kExact ? hessian(f, rel, sign * weight) : relaxed_hessian(f, model_);
       const bool first = f.a == node;
       Map{pool_.block(work_[node].start)} += first ? h.aa : h.bb;
       if (other == kNone) return;

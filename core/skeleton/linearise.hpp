@@ -1,6 +1,8 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstdint>
+
 #include "core/skeleton/graph.hpp"
 #include "core/skeleton/measure.hpp"
 
@@ -55,6 +57,38 @@ template <class Space>
   h.aa.noalias() = by_a.transpose() * wa;
   h.ba.noalias() = by_b.transpose() * wa;
   h.bb.noalias() = by_b.transpose() * wb;
+  return h;
+}
+
+/// What an elimination of everything is made of: the graph as it stands, or a relaxation of it that
+/// is linear, whatever the estimate: rotations first, then positions given them.
+enum class Model : std::uint8_t { kExact, kRotations, kPositions };
+
+/// How much a factor says about each of its axes' rotation or position, on the average.
+template <class Space>
+[[nodiscard]] double mean_information(const Factor<Space>& f, Model model) noexcept {
+  double sum = 0.0;
+  const bool turn = model == Model::kRotations;
+  const int first = turn ? Space::kPoint : 0;
+  const int end = turn ? Space::kDim : Space::kPoint;
+  for (int r = first; r < end; ++r) sum += f.information[r * (r + 1) / 2 + r];
+  return f.weight * sum / (end - first);
+}
+
+/// A factor's share of a relaxation's Hessian, by the first kPoint rows of its nodes' blocks.
+/// Math   docs/math/skeleton.md, eq. 29, 30.
+template <class Space>
+[[nodiscard]] HessianBlocks<Space> relaxed_hessian(const Factor<Space>& f, Model model) noexcept {
+  constexpr int kPoint = Space::kPoint;
+  const double information = mean_information(f, model);
+  HessianBlocks<Space> h;
+  h.aa.setZero();
+  h.aa.template topLeftCorner<kPoint, kPoint>().diagonal().setConstant(information);
+  h.bb = h.aa;
+  h.ba = -h.aa;
+  if (model == Model::kRotations)
+    h.ba.template topLeftCorner<kPoint, kPoint>() =
+        -information * measure::rotation(f.z).transpose();
   return h;
 }
 

@@ -22,7 +22,7 @@ struct PoseGraphLimits {
 struct SolvePolicy {
   /// New factors wait for elimination while their chi2 sums up to less than this share of the
   /// whole.
-  double defer_share = 0.05;
+  double defer_share = 0.2;
   /// No step is made that gains a smaller share of chi2, or less chi2 than that.
   double step_share = 1e-3;
   double step_gain = 1e-6;
@@ -103,6 +103,16 @@ class PoseGraph {
   /// From scratch: Levenberg-Marquardt with everything linearised anew at each step.
   SolveReport optimise(Deadline deadline, int max_iterations = 100) noexcept;
 
+  /// Whether the estimate fits as its measurements' own noise says that it should: neither worse,
+  /// nor so well that their noise says nothing. @pre chi2 is up to date
+  [[nodiscard]] bool fits() const noexcept;
+  /// A start that no earlier estimate can lead astray: rotations by a linear relaxation, then
+  /// positions given them, a limited amount of work a call; update() goes on from there.
+  /// @pre between its calls nothing else is called
+  /// @return kConverged: the start is made. kDeadline: call again. kIterationLimit, and no pose
+  ///   changed: there are sights in the graph, or the factor does not fit
+  Stop start_anew(Deadline deadline) noexcept;
+
   [[nodiscard]] const Graph<Space>& graph() const noexcept { return graph_; }
   [[nodiscard]] Graph<Space>& graph() noexcept { return graph_; }
   [[nodiscard]] const Elimination<Space>& elimination() const noexcept { return elimination_; }
@@ -146,7 +156,10 @@ class PoseGraph {
   void appoint_gauge(int node) noexcept;
   void begin_job() noexcept;
   void start_job() noexcept;
-  void start_fresh_job(double damping) noexcept;
+  void start_fresh_job(double damping, Model model = Model::kExact) noexcept;
+  void begin_relaxed(Model model) noexcept;
+  void turn_relaxed() noexcept;
+  void place_relaxed() noexcept;
   void finish_job() noexcept;
   void drop_columns() noexcept;
   void overcome_overflow() noexcept;
@@ -186,8 +199,9 @@ class PoseGraph {
   bool fresh_job_ = false;  ///< the job under way linearises everything
   int misled_ = 0;          ///< steps that gained too little, since the last convergence
   bool flushing_ = false;
-  bool job_first_ = false;  ///< before the next step
-  bool refresh_ = false;    ///< everything is to be linearised anew, when idle
+  Model relaxed_ = Model::kExact;  ///< of a new start under way
+  bool job_first_ = false;         ///< before the next step
+  bool refresh_ = false;           ///< everything is to be linearised anew, when idle
   bool objective_changed_ = false;
   bool job_changes_objective_ = false;
   bool wants_step_ = false;

@@ -10,7 +10,7 @@ namespace maplet {
 
 // Everything anew, in one job: all factors linearised where they stand, no rounding carried over.
 template <class Space>
-void PoseGraph<Space>::start_fresh_job(double damping) noexcept {
+void PoseGraph<Space>::start_fresh_job(double damping, Model model) noexcept {
   begin_job();
   for (int k = 0; k < dirty_count_; ++k) graph_.factor(dirty_[k]).state.dirty = false;
   job_count_ = dirty_count_ = 0;
@@ -21,7 +21,7 @@ void PoseGraph<Space>::start_fresh_job(double damping) noexcept {
     job_[job_count_++] = i;
   }
   fresh_job_ = true;
-  elimination_.touch_all(damping);
+  elimination_.touch_all(damping, model);
   if (newest_ != kNone) elimination_.keep_last(newest_);
   elimination_.begin();
 }
@@ -128,13 +128,13 @@ void PoseGraph<Space>::finish_job() noexcept {
   fresh_count_ = kept;
 }
 
-#define MAPLET_INSTANTIATE(Space)                                   \
-  template void PoseGraph<Space>::start_fresh_job(double) noexcept; \
-  template void PoseGraph<Space>::begin_job() noexcept;             \
-  template void PoseGraph<Space>::start_job() noexcept;             \
-  template void PoseGraph<Space>::drop_columns() noexcept;          \
-  template void PoseGraph<Space>::overcome_overflow() noexcept;     \
-  template void PoseGraph<Space>::set_factors_aside() noexcept;     \
+#define MAPLET_INSTANTIATE(Space)                                          \
+  template void PoseGraph<Space>::start_fresh_job(double, Model) noexcept; \
+  template void PoseGraph<Space>::begin_job() noexcept;                    \
+  template void PoseGraph<Space>::start_job() noexcept;                    \
+  template void PoseGraph<Space>::drop_columns() noexcept;                 \
+  template void PoseGraph<Space>::overcome_overflow() noexcept;            \
+  template void PoseGraph<Space>::set_factors_aside() noexcept;            \
   template void PoseGraph<Space>::finish_job() noexcept;
 MAPLET_INSTANTIATE(PlanarSpace)
 MAPLET_INSTANTIATE(SpatialSpace)

@@ -62,7 +62,8 @@ const std::span<const Field<SkeletonConfig>> SkeletonConfig::kFields{kTable};
 Skeleton::Skeleton(const SkeletonConfig& config, Arena& arena)
     : config_{config},
       solver_{{config.max_nodes, config.max_factors, config.max_nodes * config.blocks_per_node},
-              arena},
+              arena,
+              {.defer_share = 0.05}},  // small graphs, and robots steer by them: let little wait
       judge_{solver_, arena, {.inflation = config.closure_sigmas, .wants_support = false}},
       finder_{solver_, arena},
       condenser_{solver_, judge_.marginals(), arena},

@@ -77,6 +77,30 @@ class Stepper {
   [[nodiscard]] Result step(Allowance& allowance, double tolerance) noexcept;
   /// A whole step without guard and pruning. @return its predicted gain
   double full_step() noexcept;
+  /// Solves with the factor at hand for right sides of anyone's making; what was known of gradients
+  /// and steps is lost: evaluate_all. @param right_side  Tangent(node)
+  /// @param take  void(node, const Tangent&), of every node that is eliminated
+  template <class RightSide, class Take>
+  void solve_all(RightSide&& right_side, Take&& take) noexcept {
+    forget_step();
+    for (int i = 0; i < graph_.node_end(); ++i)
+      if (graph_.node(i).used) state_[i].gradient = right_side(i);
+    prune_ = 0.0;
+    mark_paths(-1.0);
+    sequence_marked();
+    for (int k = sequence_count_; k > 0;) forward_one(sequence_[--k]);
+    start_backward();
+    Allowance unlimited = Allowance::unlimited();
+    (void)backward(unlimited);
+    for (int k = 0; k < sequence_count_; ++k) take(sequence_[k], state_[sequence_[k]].delta);
+  }
+  /// Two of such solutions, until the next step; they take the place of its vectors.
+  void keep(int node, bool second, const Tangent& solution) noexcept {
+    (second ? state_[node].step : state_[node].direction) = solution;
+  }
+  [[nodiscard]] const Tangent& kept(int node, bool second) const noexcept {
+    return second ? state_[node].step : state_[node].direction;
+  }
   /// The largest of the last step's entries, m or rad.
   [[nodiscard]] double largest_step() const noexcept {
     double most = 0.0;

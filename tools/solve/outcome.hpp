@@ -20,27 +20,6 @@ inline double chi2_g2o(const Factor<SpatialSpace>& f) {
   return e.dot(unpack<SpatialSpace>(f.information) * e);
 }
 
-/// Poses anew along the factors that count, in the order in which they came, from the gauges on.
-template <class Space>
-void string_together(Graph<Space>& graph) {
-  std::vector<bool> placed(static_cast<std::size_t>(graph.node_end()), false);
-  for (std::size_t i = 0; i < placed.size(); ++i)
-    placed[i] = graph.node(static_cast<int>(i)).group == static_cast<int>(i);
-  for (bool more = true; std::exchange(more, false);)
-    for (int i = 0; i < graph.factor_end(); ++i) {
-      const Factor<Space>& f = graph.factor(i);
-      if (!f.state.active || f.b < 0 || placed[f.a] == placed[f.b]) continue;
-      auto& a = graph.node(f.a).pose;
-      auto& b = graph.node(f.b).pose;
-      if (placed[f.a]) {
-        b = Space::compose(a, f.z);
-      } else {
-        a = Space::compose(b, Space::between(f.z, {}));
-      }
-      placed[f.a] = placed[f.b] = more = true;
-    }
-}
-
 /// What the graph has come to.
 template <class Space>
 void give_solution(const PoseGraph<Space>& solver, const NodeTable<Space>& table,

@@ -39,7 +39,9 @@ class Run {
   static constexpr int kMostReviews = 30;
   static constexpr int kMostSearches = 10'000;
   static constexpr std::size_t kStepsPerDecision = 20;
-  static constexpr double kFitsNothing = 10.0;  ///< chi2 a row of error
+  static constexpr int kLooks = 50;            ///< updates between looks at a second start
+  static constexpr double kSame = 1e-6;        ///< of chi2: the same end
+  static constexpr double kWorthwhile = 1e-3;  ///< of chi2: it is still on its way
 
  public:
   Run(const GraphFile& file, const SolveOptions& options) : file_{file}, options_{options} {
@@ -146,22 +148,31 @@ class Run {
     if (!solver_->settled()) timed([&] { return solver_->optimise(Deadline::never()); });
   }
 
-  /// An end that fits nothing may be a bad valley (wrong closures): once more from odometry.
+  /// Where the fit does not say that this is the best valley: once more from the measurements
+  /// alone, as long as that may end lower.
   void second_start() {
     Graph<Space>& graph = solver_->graph();
     const double before = solver_->chi2();
-    if (table_->limited() || finder_ ||
-        !(before > kFitsNothing * Space::kDim * graph.factor_count()))
-      return;
+    if (table_->limited() || finder_ || solver_->fits()) return;
     std::vector<typename Space::Pose> poses;
     for (int i = 0; i < graph.node_end(); ++i) poses.push_back(graph.node(i).pose);
-    timed([&] {
-      string_together(graph);
-      SolveReport report = solver_->optimise(Deadline::never());
-      if (report.chi2 < before) return report;
-      for (int i = 0; i < graph.node_end(); ++i) graph.node(i).pose = poses[i];
-      return solver_->optimise(Deadline::never());
-    });
+    Stop stop = Stop::kDeadline;
+    while (stop == Stop::kDeadline)
+      timed([&] {
+        stop = solver_->start_anew(Deadline::never());
+        return SolveReport{};
+      });
+    double last = stop == Stop::kConverged ? solver_->chi2() : before;
+    for (bool promising = stop == Stop::kConverged; promising && !solver_->settled();) {
+      for (int k = 0; k < kLooks && !solver_->settled(); ++k)
+        timed([&] { return solver_->update(Deadline::never()); });
+      const double now = solver_->last_chi2();
+      promising = now < (1.0 - kSame) * before || now < (1.0 - kWorthwhile) * last;
+      last = now;
+    }
+    if (stop == Stop::kConverged && last < (1.0 - kSame) * before) return settle();
+    for (int i = 0; i < graph.node_end(); ++i) graph.node(i).pose = poses[i];
+    (void)solver_->chi2();
   }
 
   /// Verdicts over the whole set, each round at a settled estimate.
@@ -181,6 +192,7 @@ class Run {
       });
       if (changed) settle_now();
     }
+    settle_now();  // others may have been taken in beside the one that was asked about
     if (!closures_->choose_sets()) return;
     timed([&] { return solver_->update(Deadline::never()); });
     settle_now();
@@ -247,6 +259,7 @@ class Run {
     if (!to_the_end) return;
     second_start();
     review([&] { settle(); });
+    if (closures_) second_start();  // which ones count has changed
   }
 
   void forget(int factor) {

@@ -65,8 +65,10 @@ inline GraphFile city(int poses, int size, double sigma, unsigned seed) {
     auto& here = been[{at.x, at.y}];
     if (!here.empty() && i - here.back() > 20) measure(here[random() % here.size()], i);
     here.push_back(i);
-    graph.truth[static_cast<std::uint64_t>(i)].t = {static_cast<double>(at.x),
-                                                    static_cast<double>(at.y), 0.0};
+    Se3& truth = graph.truth[static_cast<std::uint64_t>(i)];
+    truth.t = {static_cast<double>(at.x), static_cast<double>(at.y), 0.0};
+    const double half_turn = at.heading * M_PI / 4.0;
+    truth.q = {std::cos(half_turn), 0.0, 0.0, std::sin(half_turn)};
   }
   return graph;
 }

@@ -156,5 +156,18 @@ TEST(Solve, TenThousandPosesReachTheBatchOptimum) {
   EXPECT_LT(incremental.chi2, 1.001 * batch.chi2);
 }
 
+// Odometry alone would lead into a valley that no step leaves.
+TEST(Solve, LargeRotationErrorsDoNotEndInABadValley) {
+  GraphFile graph = city(1500, 6, 0.2, 3);
+  const SolveOutcome out = solve(graph, {});
+  GraphFile started = graph;
+  for (const auto& [id, pose] : graph.truth) started.vertices.push_back({id, pose});
+  SolveOptions options;
+  options.batch = true;
+  const SolveOutcome best = solve(started, options);
+  EXPECT_LT(out.chi2, 1.001 * best.chi2);
+  EXPECT_EQ(out.heap_allocations, 0u);
+}
+
 }  // namespace
 }  // namespace maplet::graphs
