@@ -28,8 +28,12 @@ constexpr double kBrakeMps2 = 3.0;
 constexpr double kBrakeRadps2 = 10.0;
 constexpr double kSlowMps = 0.1;
 constexpr double kSlowRadps = 0.1;
-constexpr double kSame = 1e-7;      // m, rad: the same words again
-constexpr double kAnyStepM = 0.05;  // on top of what the fastest camera makes
+// While nothing is seen nobody checks what is said; what differs from going on as before is known
+// to this share of the difference.
+constexpr double kUnseenShare = 0.5;
+constexpr double kStandsShare = 0.05;  // of the rate before; a blocked wheel is not quite still
+constexpr double kSame = 1e-7;         // m, rad: the same words again
+constexpr double kAnyStepM = 0.05;     // on top of what the fastest camera makes
 constexpr double kAnyStepRad = 0.15;
 
 bool says_how_sure(const MotionHint& hint) noexcept { return !hint.path_covariance.isZero(); }
@@ -42,11 +46,18 @@ bool HintFollower::motion(Kind kind, const MotionHint& now, HintedMotion& out) c
   if (!between(kind, last_, now, out)) return false;
   out.missed = state.missed;
   if (kind == kTurn) return true;
+  Matrix6d covariance = out.information.inverse();
   // Noise of single steps; from frame to frame there is one.
   const double more = std::max(0, frames_ - 1);
-  Matrix6d covariance = out.information.inverse();
   covariance.diagonal().head<3>().array() += more * kFloorM * kFloorM;
   covariance.diagonal().tail<3>().array() += more * kFloorRad * kFloorRad;
+  if (frames_ > 1 && !says_how_sure(now)) {
+    const Vector6d other = (Se3::exp(seconds_ * velocity_).inverse() * out.T_last_now).log();
+    const double m = kUnseenShare * other.head<3>().norm();
+    const double rad = kUnseenShare * other.tail<3>().norm();
+    covariance.diagonal().head<3>().array() += m * m;
+    covariance.diagonal().tail<3>().array() += rad * rad;
+  }
   out.information = covariance.inverse();
   return out.information.allFinite();
 }
@@ -54,6 +65,7 @@ bool HintFollower::motion(Kind kind, const MotionHint& now, HintedMotion& out) c
 void HintFollower::watch(const MotionHint& now, double dt_s) noexcept {
   ++frames_;
   if (dt_s > 0.0) {
+    seconds_ += dt_s;
     if (now.has_pose && before_.has_pose) {
       watch(states_[kPose], (before_.T_external_camera.inverse() * now.T_external_camera).log(),
             dt_s);
@@ -70,7 +82,10 @@ void HintFollower::watch(const MotionHint& now, double dt_s) noexcept {
 void HintFollower::watch(State& state, const Vector6d& step, double dt_s) noexcept {
   const double m = step.head<3>().norm();
   const double rad = step.tail<3>().norm();
-  if (m < kSame && rad < kSame) {
+  const double rate_m = state.rate.head<3>().norm();
+  const double rate_rad = std::max(state.rate.tail<3>().norm(), kSlowRadps);
+  if (m < std::max(kSame, kStandsShare * rate_m * dt_s) &&
+      rad < std::max(kSame, kStandsShare * rate_rad * dt_s)) {
     state.frozen = state.frozen ||
                    state.rate.head<3>().norm() > std::max(kSlowMps, kBrakeMps2 * dt_s) ||
                    state.rate.tail<3>().norm() > std::max(kSlowRadps, kBrakeRadps2 * dt_s);
@@ -90,10 +105,12 @@ void HintFollower::watch(State& state, const Vector6d& step, double dt_s) noexce
   state.rate = rate.norm() > 0.5 * state.rate.norm() ? rate : Vector6d{0.5 * state.rate};
 }
 
-void HintFollower::keep(const MotionHint& now) noexcept {
+void HintFollower::keep(const MotionHint& now, const Vector6d& velocity) noexcept {
   last_ = now;
+  velocity_ = velocity;
   known_ = true;
   frames_ = 0;
+  seconds_ = 0.0;
   for (State& state : states_) {
     state.leapt = state.froze = false;
     state.missed.setZero();

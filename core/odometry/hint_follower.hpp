@@ -46,7 +46,8 @@ class HintFollower {
   /// @param dt_s  since then; 0 if nobody knows
   void watch(const MotionHint& now, double dt_s) noexcept;
   /// The frame `now` was tracked: counts from here on.
-  void keep(const MotionHint& now) noexcept;
+  /// @param velocity  of the camera there, m/s and rad/s, tangent of camera
+  void keep(const MotionHint& now, const Vector6d& velocity) noexcept;
   /// Compares what was seen with what was said over a longer way than a frame's: what is a few
   /// per cent of a step off, each time to the same side, is only seen there.
   /// @param free  tangents of camera along which nothing was seen but what hints filled: the rest
@@ -88,7 +89,10 @@ class HintFollower {
   MotionHint last_;    ///< of the last tracked frame
   MotionHint before_;  ///< of the frame before
   bool known_ = false;
-  int frames_ = 0;  ///< since the last tracked one
+  // Since the last tracked frame, and how the camera moved there:
+  int frames_ = 0;
+  double seconds_ = 0.0;
+  Vector6d velocity_ = Vector6d::Zero();
   Way way_;
   Vector6d relied_ = Vector6d::Zero();  ///< the way that hints alone have made, tangent of camera
   State states_[kKinds];

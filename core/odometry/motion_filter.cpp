@@ -21,6 +21,9 @@ Vector6d split(double linear, double angular) noexcept {
   return v;
 }
 
+// A gyro measures the last three only.
+bool knows_translation(const Matrix6d& information) noexcept { return information(0, 0) != 0.0; }
+
 }  // namespace
 
 MotionFilter::MotionFilter(const OdometryConfig& config) noexcept
@@ -116,17 +119,24 @@ void MotionFilter::fuse(const Se3& T_odom_camera, const Matrix6d& information) n
   pose.diagonal().array() += kTinyVariance;
   const Vector6d delta = (T_odom_camera_.inverse() * T_odom_camera).log();
   const Matrix6d both = pose.inverse() + information;
-  const Vector6d step = both.ldlt().solve(information * delta);
+  Vector6d step = both.ldlt().solve(information * delta);
   if (!step.allFinite()) return;
+  if (knows_translation(information)) {
+    update(T_odom_camera_ * Se3::exp(step), information, {});
+    return;
+  }
+  // Coupled to the turn by noise, an unseen axis would take velocity from it.
+  const Eigen::Vector3d velocity = velocity_.head<3>();
+  step.head<3>().setZero();
   update(T_odom_camera_ * Se3::exp(step), information, {});
+  velocity_.head<3>() = velocity;
 }
 
 MotionFilter::Distance MotionFilter::distance(const Se3& T_odom_camera,
                                               const Matrix6d& information) const noexcept {
   const Vector6d delta = (T_odom_camera_.inverse() * T_odom_camera).log();
   const Matrix6d P = P_.topLeftCorner<6, 6>();
-  // A gyro measures the last three only.
-  if (information(0, 0) == 0.0) {
+  if (!knows_translation(information)) {
     const Eigen::Matrix3d both = P.bottomRightCorner<3, 3>() +
                                  Eigen::Matrix3d{information.bottomRightCorner<3, 3>()}.inverse();
     const Eigen::Vector3d turn = delta.tail<3>();

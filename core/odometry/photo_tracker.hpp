@@ -1,6 +1,8 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstdint>
+
 #include "core/base/arena.hpp"
 #include "core/frame/depth_frame.hpp"
 #include "core/odometry/gray_pyramid.hpp"
@@ -21,6 +23,7 @@ class PhotoTracker {
  public:
   PhotoTracker(bool enabled, Arena& arena) : enabled_{enabled}, pyramid_{arena}, points_{arena} {}
 
+  /// A gray image that is the one before once more tells of another time: it is left out.
   void assign(const DepthFrame& frame) noexcept;
   void make_keyframe(const DepthFrame& frame, const PatchSet& patches,
                      const PatchView& view) noexcept {
@@ -40,8 +43,10 @@ class PhotoTracker {
 
  private:
   [[nodiscard]] double inflation() const noexcept;
+  [[nodiscard]] bool repeats(const ImageView<std::uint8_t>& gray) noexcept;
 
   bool enabled_;
+  std::uint64_t last_image_ = 0;  ///< a sum over the last gray image
   GrayPyramid pyramid_;
   PhotoView points_;
   PhotoTerm term_;

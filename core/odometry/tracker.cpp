@@ -90,7 +90,7 @@ Track Tracker::run(const DepthFrame& frame, const PatchSet& patches, Deadline de
     track.keyframe_due = true;
     track.overlap = 1.0;
     track.inliers = static_cast<std::uint32_t>(view().facets().size());
-    hints_.keep(frame.motion);
+    hints_.keep(frame.motion, filter_.velocity());
     return track;
   }
   Guess guess;
@@ -241,10 +241,10 @@ void Tracker::accept(const DepthFrame& frame, const Alignment& alignment, Track&
   disagreement_.add(alignment.disagreement, alignment.expected_disagreement);
   track.disagreement = std::max(kLeastDisagreement, disagreement_.value());
   judge_hints(frame.motion, alignment);
-  hints_.keep(frame.motion);
   photo_.learn(alignment);
   filter_.update(alignment.T_odom_camera, alignment.information / track.disagreement,
                  {alignment.free_axes.data(), alignment.free_axes.size()});
+  hints_.keep(frame.motion, filter_.velocity());
   if (relied_on_ && frame.motion.path_covariance.isZero()) {
     filter_.widen(
         hints_.rely(*relied_on_, {alignment.free_axes.data(), alignment.free_axes.size()}));

@@ -228,7 +228,7 @@ void Tracker::begin_segment(const DepthFrame& frame, Track& track) noexcept {
   gap_covariance_ += track.covariance;
   track.state = Track::State::kTracking;
   track.keyframe_due = true;
-  hints_.keep(frame.motion);
+  hints_.keep(frame.motion, filter_.velocity());
   T_odom_last_ = track.T_odom_camera.se3;
   tracked_stamp_ = frame.stamp;
 }

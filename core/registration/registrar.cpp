@@ -2,14 +2,26 @@
 #include "core/registration/registrar.hpp"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
 
 namespace maplet {
 
 namespace {
+
 constexpr double kContradiction = 35.0;  // chi-square, 6 degrees of freedom: beyond 0.99999
+constexpr double kAstrayM = 0.5;         // planes of the same room are no farther apart
+
+// Whether a gap left the way unknown by more than that in more than one direction: then planes are
+// paired with others than their own. Along one alone (a corridor) they still are what they were.
+bool astray(const Matrix6d& covariance) noexcept {
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> way{covariance.topLeftCorner<3, 3>(),
+                                                           Eigen::EigenvaluesOnly};
+  return way.eigenvalues()[1] > kAstrayM * kAstrayM;
 }
+
+}  // namespace
 
 Registrar::Registrar(const RegistrationConfig& config, Arena& arena)
     : config_{config}, icap_{arena.make<Icap>("registration/icap", config)} {}
@@ -36,7 +48,8 @@ DeltaPose Registrar::fuse(const Maplet& previous, const Maplet& current, const P
   out.T_a_b = Transform<MapletA, MapletB>{odometry.T_previous_this.se3};
   out.covariance = odometry.covariance;
 
-  if (loose(odometry.covariance)) {  // any three planes would seem to make up for it
+  // Any three planes would seem to make up for it.
+  if (loose(odometry.covariance) || astray(odometry.covariance)) {
     ++counts_.odometry_alone;
     return out;
   }
