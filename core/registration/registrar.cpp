@@ -2,7 +2,6 @@
 #include "core/registration/registrar.hpp"
 
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
 
@@ -11,14 +10,12 @@ namespace maplet {
 namespace {
 
 constexpr double kContradiction = 35.0;  // chi-square, 6 degrees of freedom: beyond 0.99999
-constexpr double kAstrayM = 0.5;         // planes of the same room are no farther apart
+constexpr double kAstrayM = 0.5;
 
-// Whether a gap left the way unknown by more than that in more than one direction: then planes are
-// paired with others than their own. Along one alone (a corridor) they still are what they were.
+// Whether the way is unknown by more than that along some axis (a gap, a corridor): then planes are
+// paired with others than their own, those of the next door.
 bool astray(const Matrix6d& covariance) noexcept {
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> way{covariance.topLeftCorner<3, 3>(),
-                                                           Eigen::EigenvaluesOnly};
-  return way.eigenvalues()[1] > kAstrayM * kAstrayM;
+  return !(covariance.diagonal().head<3>().maxCoeff() < kAstrayM * kAstrayM);
 }
 
 }  // namespace

@@ -39,7 +39,8 @@ class Run {
   static constexpr int kMostReviews = 30;
   static constexpr int kMostSearches = 10'000;
   static constexpr std::size_t kStepsPerDecision = 20;
-  static constexpr int kLooks = 50;            ///< updates between looks at a second start
+  static constexpr int kLooks = 50;  ///< updates between looks at a second start
+  static constexpr double kShareWhenFull = 0.05;
   static constexpr double kSame = 1e-6;        ///< of chi2: the same end
   static constexpr double kWorthwhile = 1e-3;  ///< of chi2: it is still on its way
 
@@ -50,7 +51,10 @@ class Run {
     outcome_.bad_edges = order.bad_edges;
     for (const Vertex& v : file.vertices) start_.try_emplace(v.id, v.pose);
     arena_.emplace(std::uint64_t{1} << 34);
-    solver_.emplace(limits_for(file, order_, order.nodes, options.max_nodes), *arena_);
+    SolvePolicy policy;
+    // Nodes are taken out as they stand: what waits would be frozen before it has had its say.
+    if (options.max_nodes > 0) policy.defer_share = kShareWhenFull;
+    solver_.emplace(limits_for(file, order_, order.nodes, options.max_nodes), *arena_, policy);
     table_.emplace(*solver_, order.nodes);
     if (options.max_nodes > 0) table_->limit(*arena_);
     if (options.robust) closures_.emplace(*solver_, file, *arena_);

@@ -187,6 +187,38 @@ TEST(Hints, AGyroCarriesOverATurnThatNobodyExpected) {
   EXPECT_EQ(session.tracker->counters().hints_refused, 0u);
 }
 
+// Nothing is seen along the corridor: a gyro says nothing of it either.
+TEST(Hints, AGyroMakesNoVelocityAlongAFreeAxis) {
+  const PatchScene scene = test::corridor();
+  TrackSession session;
+  Track track;
+  for (int i = 0; i < 200; ++i) {
+    const Se3 truth{wandering(0.033 * i).q, Eigen::Vector3d::Zero()};
+    session.frame.motion.has_turn = true;
+    session.frame.motion.q_gyro_camera = truth.q;
+    track = session.step(scene, truth);
+    ASSERT_EQ(track.state, Track::State::kTracking) << i;
+  }
+  EXPECT_EQ(session.tracker->counters().lost, 0u);
+  EXPECT_LT(track.T_odom_camera.se3.t.norm(), 0.3);
+}
+
+// While nothing is seen the source turns round: half of what that is off is what it is known to.
+TEST(Hints, InTheDarkNobodyChecksWhatIsSaid) {
+  const PatchScene scene = test::room();
+  TrackSession session;
+  Track track;
+  for (int i = 0; i < 40; ++i) {
+    const Se3 truth = Se3::exp(0.01 * i * Vector6d::Unit(0));
+    const Se3 said = Se3::exp(0.01 * (i < 20 ? i : 38 - i) * Vector6d::Unit(0));
+    session.frame.motion = pose_hint(said);
+    track = session.step(i >= 20 && i < 39 ? PatchScene{} : scene, truth);
+  }
+  ASSERT_EQ(track.state, Track::State::kTracking);
+  EXPECT_LT((Se3::exp(0.39 * Vector6d::Unit(0)).inverse() * track.T_odom_camera.se3).t.norm(), 0.02)
+      << "the view tells where it is";
+}
+
 TEST(Hints, WhatIsNotANumberIsNoHint) {
   const PatchScene scene = test::room();
   TrackSession session;

@@ -113,6 +113,25 @@ TEST(Photo, TakesAGrayCameraOfItsOwn) {
   follow(Se3::exp(xi), CameraModel{400, 300, 330.0, 332.0, 201.0, 148.0}, {});
 }
 
+// The gray camera hangs, depth goes on: nothing says how far along the wall.
+TEST(Photo, LeavesOutAnImageThatIsTheOneBefore) {
+  PaintedWall wall;
+  TrackSession session;
+  Track track;
+  for (int i = 0; i < 40; ++i) {
+    wall.measure(sliding(i));
+    if (i < 20) wall.paint_gray(sliding(i), kDepthCamera, 1.0, 0.0);
+    wall.dress(session.frame);
+    session.frame.gray = {wall.gray.data(), kDepthCamera.width_px, kDepthCamera.height_px,
+                          kDepthCamera.width_px};
+    track = session.step(wall.scene, sliding(i));
+  }
+  EXPECT_EQ(session.tracker->counters().with_gray, 19u);
+  EXPECT_FALSE(track.free_axes.empty());
+  const double off = (sliding(39).inverse() * track.T_odom_camera.se3).t.norm();
+  EXPECT_LT(off, 3.0 * std::sqrt(track.covariance.topLeftCorner<3, 3>().trace()) + 0.05);
+}
+
 // A second start is tried by patches alone; where it is refused, the first one's gray still counts.
 TEST(Photo, CountsInAFrameWhoseSecondStartWasRefused) {
   PaintedWall wall;

@@ -60,6 +60,16 @@ TEST(Registrar, WithoutPlanesOdometryStands) {
   EXPECT_EQ(p.registrar.counts().odometry_alone, 1U);
 }
 
+// A gap of which the turn is known, but not the way: the walls of another place would fit as well.
+TEST(Registrar, NothingIsLinkedOverAnUnknownWay) {
+  Pair p{test::room()};
+  const DeltaPose d =
+      p.registrar.link(*p.a, *p.b, odometry(p.T_a_b, 0.8, 0.01), Deadline::never());
+  EXPECT_EQ(d.matches, 0);
+  EXPECT_NEAR(d.covariance(0, 0), 0.8 * 0.8, 1e-9);
+  EXPECT_EQ(p.registrar.counts().odometry_alone, 1U);
+}
+
 // One wall: across it the planes decide, along it the odometry, and the covariance says so.
 TEST(Registrar, OdometryFillsFreeAxes) {
   Pair p{{{{5, 2.5, 1.3}, {0, 0, 1.3}, {0, 2.5, 0}}, {{3, 2.5, 0}, {3, 0, 0}, {0, 2.5, 0}}}};
