@@ -178,8 +178,17 @@ class Camera(daemon.DaemonTest):
         self.start("sim.noise=0", "--set", "realtime.capture_priority=40", "--set",
                    "realtime.estimator_priority=30", "--set", "input.decimate=2")
         self.flows()
+        before = self.status()
         first = self.status()
-        self.until(lambda: self.processed() >= int(os.environ.get("MAPLET_LATENCY_FRAMES", "150")))
+        asked = 0
+
+        def seen_enough():
+            nonlocal asked
+            asked += 1
+            time.sleep(1)
+            return self.processed() >= int(os.environ.get("MAPLET_LATENCY_FRAMES", "150"))
+
+        self.until(seen_enough)
         last = self.status()
         print("latency", last["latency"], flush=True)
         self.assertGreater(last["latency"]["p50_us"], 0)
@@ -187,13 +196,14 @@ class Camera(daemon.DaemonTest):
         if SANITIZED:
             return
         frames = sum(last["frames"][kind] - first["frames"][kind] for kind in ("read", "dropped"))
-        theirs = (last["memory"]["third_party_allocations"] -
-                  first["memory"]["third_party_allocations"])
+        made = [one["memory"]["third_party_allocations"] for one in (before, first, last)]
+        # A status is made on a thread that may allocate, too, and makes most of them.
+        theirs = made[2] - made[1] - (asked + 1) * (made[1] - made[0])
         print(f"{theirs} allocations of OpenNI2 on the capture thread for {frames} frames",
               flush=True)
-        # OpenNI2's own, 92 a frame when this was written; hil_openni2 shows that none of ours is
+        # OpenNI2's own, two a frame when this was written; hil_openni2 shows that none of ours is
         # among them.
-        self.assertLessEqual(theirs, 120 * frames + 120)
+        self.assertLessEqual(theirs, 20 * frames + 200)
         self.ends_well()
 
     def test_every_kind_of_fault_is_over_soon(self):
@@ -218,15 +228,15 @@ class Camera(daemon.DaemonTest):
         self.ends_well()
 
     def test_memory_is_flat_over_many_returns(self):
-        self.start("rate_hz=60 " + " ".join(f"fault=unplug@{20 * i}:50" for i in range(1, 17)),
+        self.start("rate_hz=60 " + " ".join(f"fault=unplug@{20 * i}:50" for i in range(1, 25)),
                    "--set", "input.decimate=2")
         resident = []
-        for i in range(1, 17):
+        for i in range(1, 25):  # the first half warms up
             self.until(lambda: self.read_frames() >= 20 * i)
             resident.append(self.status()["memory"]["rss_bytes"])
         print("RSS in KiB after each return:", [one >> 10 for one in resident], flush=True)
         if not SANITIZED:
-            self.assertLessEqual(max(resident[8:]) - max(resident[:8]), FLAT_BYTES)
+            self.assertLessEqual(max(resident[12:]) - max(resident[:12]), FLAT_BYTES)
         self.ends_well()
 
     def test_random_scripts(self):
