@@ -63,8 +63,7 @@ TEST(Registrar, WithoutPlanesOdometryStands) {
 // A gap of which the turn is known, but not the way: the walls of another place would fit as well.
 TEST(Registrar, NothingIsLinkedOverAnUnknownWay) {
   Pair p{test::room()};
-  const DeltaPose d =
-      p.registrar.link(*p.a, *p.b, odometry(p.T_a_b, 0.8, 0.01), Deadline::never());
+  const DeltaPose d = p.registrar.link(*p.a, *p.b, odometry(p.T_a_b, 0.8, 0.01), Deadline::never());
   EXPECT_EQ(d.matches, 0);
   EXPECT_NEAR(d.covariance(0, 0), 0.8 * 0.8, 1e-9);
   EXPECT_EQ(p.registrar.counts().odometry_alone, 1U);
