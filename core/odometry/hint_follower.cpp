@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/odometry/camera_reach.hpp"
+
 namespace maplet {
 
 namespace {
@@ -33,8 +35,6 @@ constexpr double kSlowRadps = 0.1;
 constexpr double kUnseenShare = 0.5;
 constexpr double kStandsShare = 0.05;  // of the rate before; a blocked wheel is not quite still
 constexpr double kSame = 1e-7;         // m, rad: the same words again
-constexpr double kAnyStepM = 0.05;     // on top of what the fastest camera makes
-constexpr double kAnyStepRad = 0.15;
 
 bool says_how_sure(const MotionHint& hint) noexcept { return !hint.path_covariance.isZero(); }
 
@@ -95,8 +95,7 @@ void HintFollower::watch(State& state, const Vector6d& step, double dt_s) noexce
     return;
   }
   state.frozen = false;
-  if (!(m < kAnyStepM + config_.max_speed_mps * dt_s &&
-        rad < kAnyStepRad + config_.max_turn_radps * dt_s)) {
+  if (!within_reach(m, rad, dt_s, config_)) {
     state.leapt = true;
     return;
   }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/odometry/camera_reach.hpp"
 #include "core/odometry/tracker.hpp"
 
 namespace maplet {
@@ -16,8 +17,6 @@ constexpr double kReturnM = 0.1;      // how far a track may have strayed
 constexpr double kReturnRad = 0.05;   // the same
 constexpr int kFramesBetweenReturns = 5;
 constexpr double kFrameS = 1.0 / 30.0;  // no two frames are nearer, whatever their stamps say
-constexpr double kAnyStepM = 0.05;      // on top of what the fastest camera makes
-constexpr double kAnyStepRad = 0.15;    // the same
 constexpr double kCoveredShare = 0.05;  // of the image, with depth
 constexpr double kMostChange = 0.1;     // of the agreement; tracked frames differ by a hundredth
 constexpr int kPatience = 4;
@@ -64,8 +63,7 @@ bool Tracker::changed_at_once(const Alignment& alignment, Stamp stamp) const noe
 bool Tracker::moves_like_a_camera(const Alignment& alignment, Stamp stamp) const noexcept {
   const Se3 moved = T_odom_last_.inverse() * alignment.T_odom_camera;
   const double dt_s = std::max(seconds(stamp - tracked_stamp_), kFrameS * (1 + lost_in_a_row_));
-  return moved.t.norm() < kAnyStepM + config_.max_speed_mps * dt_s &&
-         moved.angle() < kAnyStepRad + config_.max_turn_radps * dt_s;
+  return within_reach(moved.t.norm(), moved.angle(), dt_s, config_);
 }
 
 // The prediction failed: other starts, the most likely first; the best overlap wins.
