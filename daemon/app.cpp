@@ -32,7 +32,7 @@ AgentConfig agent_config(const Config& config) {
 }  // namespace
 
 App::App(const Options& options, const Config& config, StateDirectory state,
-         std::optional<Flight> flight)
+         std::optional<Flight> flight, const std::optional<SecuritySetup>& security)
     : options_{options},
       config_{config},
       state_{std::move(state)},
@@ -53,7 +53,7 @@ App::App(const Options& options, const Config& config, StateDirectory state,
   agent_->use_clock(flight_);
   if (pace_ != Pace::kFast && !replayed_)
     frames_ = std::make_unique<FramePool>(config.agent.limits.image().pixels());
-  if (options.dds) radio_ = std::make_unique<RadioLink>(config, identity_, arena_);
+  if (options.dds) radio_ = std::make_unique<RadioLink>(config, identity_, arena_, security);
   open_journal();
   const bool locked = arena_.seal(config.realtime.lock_memory);
   memory_ = std::make_unique<MemoryStatus>(arena_, locked);

@@ -27,6 +27,7 @@
 #include "daemon/radio_link.hpp"
 #include "daemon/run_output.hpp"
 #include "daemon/run_totals.hpp"
+#include "daemon/security_setup.hpp"
 #include "daemon/signals.hpp"
 #include "daemon/stage_stats.hpp"
 #include "daemon/state_directory.hpp"
@@ -48,7 +49,7 @@ inline constexpr int kExitUsage = 2;
 class App {
  public:
   App(const Options& options, const Config& config, StateDirectory state,
-      std::optional<Flight> flight);
+      std::optional<Flight> flight, const std::optional<SecuritySetup>& security = {});
   ~App();
 
   /// @return the process's exit code

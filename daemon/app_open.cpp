@@ -214,6 +214,7 @@ void App::reload() {
     return;
   }
   log_info("configuration read again: " + to_line(live_.take(*wanted)));
+  if (radio_ && radio_->security() != nullptr) radio_->security()->reload();
 }
 
 void App::open_console() {

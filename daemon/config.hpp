@@ -11,6 +11,7 @@
 #include "daemon/recorder_config.hpp"
 #include "transport/dds/config.hpp"
 #include "transport/dds/radio_config.hpp"
+#include "transport/security/security_config.hpp"
 #include "transport/sync/sync_config.hpp"
 
 namespace maplet::daemon {
@@ -130,6 +131,7 @@ struct Config {
   AgentConfig agent;
   DdsConfig dds;
   RadioConfig radio;
+  SecurityConfig security;
   SyncConfig exchange;
   ControlConfig control;
   JournalConfig journal;

@@ -128,6 +128,14 @@ tl::expected<void, ConfigError> check_together(const Config& config) {
   if (std::string problem = config.radio.problem(config.dds.domain); !problem.empty()) {
     return tl::unexpected{std::move(problem)};
   }
+  if (config.security.on() && config.security.keys.empty()) {
+    return tl::unexpected<ConfigError>{
+        "security: mode needs keys = DIR: mapletctl keys init and keys agent make them"};
+  }
+  if (config.security.in_dds() && config.radio.profile != "wifi") {
+    return tl::unexpected<ConfigError>{
+        "security: mode = 'dds' takes 20 kB a pair of agents: for profile 'radio' choose 'sealed'"};
+  }
   if (const auto gray = gray_options(config.gray); !gray) return tl::unexpected{gray.error()};
   const LimitsConfig& limits = config.agent.limits;
   if (config.gray.used() && (config.gray.width_px > limits.image_width_px ||

@@ -205,6 +205,7 @@ const std::vector<ConfigKey>& config_keys() {
     MAPLET_SECTION("limits", agent.limits);
     MAPLET_SECTION("dds", dds);
     MAPLET_SECTION("dds", radio);
+    MAPLET_SECTION("security", security);
     MAPLET_SECTION("exchange", exchange);
     MAPLET_SECTION("control", control);
     MAPLET_SECTION("journal", journal);

@@ -131,6 +131,8 @@ class Console {
   [[nodiscard]] std::string mission_text() const;
   [[nodiscard]] nlohmann::ordered_json mission_json() const;
   [[nodiscard]] std::string recorder_text(const std::string& file) const;
+  [[nodiscard]] std::string security_text() const;
+  [[nodiscard]] std::string keys_text(const std::string& notice) const;
   [[nodiscard]] std::string peers_text() const;
   [[nodiscard]] std::string why_text(int agent);
   [[nodiscard]] std::string closures_text();

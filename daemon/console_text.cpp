@@ -69,6 +69,8 @@ std::string Console::answer_to(const std::string& line) {
   if (command == "set") {
     return set_text(question.value("key", std::string{}), question.value("value", std::string{}));
   }
+  if (command == "security") return security_text();
+  if (command == "keys") return keys_text(question.value("notice", std::string{}));
   if (command == "radio") return radio_text(question.value("state", std::string{}));
   if (command == "why" && agent.is_number_integer()) return why_text(agent.get<int>());
   return error("mapletd does not know '" + command + "': mapletctl is newer, or older").dump();
@@ -105,6 +107,20 @@ std::string Console::mission_text() const {
   json["agent"] = about_us_.identity.agent;
   json["epoch"] = about_us_.identity.epoch;
   return json.dump();
+}
+
+std::string Console::security_text() const {
+  if (about_us_.radio == nullptr) return error("mapletd runs without DDS (--no-dds)").dump();
+  return security_json(about_us_.radio->status().security).dump();
+}
+
+std::string Console::keys_text(const std::string& notice) const {
+  LinkSecurity* security = about_us_.radio == nullptr ? nullptr : about_us_.radio->security();
+  if (security == nullptr) return error("security is off here (security.mode)").dump();
+  const auto done = security->load(notice);
+  if (!done) return error(done.error()).dump();
+  log_info("security: an operator's notice: " + *done);
+  return Json{{"done", *done}, {"generation", security->status().generation}}.dump();
 }
 
 std::string Console::recorder_text(const std::string& file) const {

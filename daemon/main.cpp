@@ -18,6 +18,7 @@
 #include "daemon/memory_ledger.hpp"
 #include "daemon/memory_status.hpp"
 #include "daemon/options.hpp"
+#include "daemon/security_setup.hpp"
 
 namespace {
 
@@ -42,7 +43,12 @@ int run(const Options& options, const Config& config) {
   }
   Options how = options;
   if (replays) how.dds = false;
-  return App{how, config, std::move(*state), std::move(*flight)}.run();
+  auto security = how.dds ? open_security(config, options.agent, state->path()) : std::nullopt;
+  if (!security) {
+    fmt::print(stderr, "mapletd: {}\n", security.error());
+    return kExitUsage;
+  }
+  return App{how, config, std::move(*state), std::move(*flight), *security}.run();
 }
 
 int run(int argc, char** argv) {

@@ -53,8 +53,11 @@ int wish_of(const Config& config) noexcept {
   return config.exchange.maplets == "near" ? 0 : -1;
 }
 
-std::size_t wire_bytes_of_datagram(const LinkProfile& profile) noexcept {
-  return profile.datagram_bytes + kWireOverheadBytes;
+/// A sealed datagram is not larger on the air than a plain one may be.
+LinkProfile profile_of(const Config& config) noexcept {
+  LinkProfile profile = config.radio.link_profile();
+  if (config.security.on()) profile.datagram_bytes -= kSealBytes;
+  return profile;
 }
 
 SyncConfig exchange_of(const Config& config) noexcept {
@@ -70,18 +73,26 @@ void RadioLink::adjust(const Config& config) noexcept {
   bytes_per_s_ = config.radio.budget_bytes_per_s;
 }
 
-RadioLink::RadioLink(const Config& config, AgentIdentity identity, Arena& arena)
+RadioLink::RadioLink(const Config& config, AgentIdentity identity, Arena& arena,
+                     const std::optional<SecuritySetup>& security)
     : config_{config.radio},
       domain_{config.radio.domain(config.dds.domain)},
       identity_{identity},
       wish_all_{wish_of(config)},
       bytes_per_s_{config.radio.budget_bytes_per_s},
-      node_{arena.make<ExchangeNode>(
-          "exchange/node", exchange_of(config), config.radio.link_profile(),
-          static_cast<std::size_t>(config.agent.maplet.max_bytes),
-          Life{identity.agent, identity.epoch}, static_cast<RecordTaker&>(*this), arena)},
-      budget_{static_cast<double>(config.radio.budget_bytes_per_s),
-              wire_bytes_of_datagram(config.radio.link_profile()), MonotonicClock{}.now()},
+      node_{arena.make<ExchangeNode>("exchange/node", exchange_of(config), profile_of(config),
+                                     static_cast<std::size_t>(config.agent.maplet.max_bytes),
+                                     Life{identity.agent, identity.epoch},
+                                     static_cast<RecordTaker&>(*this), arena)},
+      security_{config.security.on()
+                    ? arena.make<LinkSecurity>("security/link", config, security, arena)
+                    : nullptr},
+      dds_security_{config.security.in_dds() ? std::optional{DdsSecurityFiles{config.security.keys}}
+                                             : std::nullopt},
+      overhead_{config.security.in_dds() ? kSecuredWireOverheadBytes : kWireOverheadBytes},
+      most_bytes_{config.radio.link_profile().datagram_bytes},
+      budget_{static_cast<double>(config.radio.budget_bytes_per_s), most_bytes_ + overhead_,
+              MonotonicClock{}.now()},
       delta_poses_out_{kRecords},
       ranges_out_{256},
       maplets_out_{kMapletBytes},
@@ -100,7 +111,11 @@ RadioLink::~RadioLink() {
 
 std::optional<DdsFailure> RadioLink::start(bool wait) {
   WireMeter::watch_domain(domain_);
-  auto opened = DdsRadio::open(config_, domain_, identity_.agent);
+  if (security_) {
+    std::string problem = security_->problem();
+    if (!problem.empty() && !wait) return DdsFailure{ErrorCode::kBadInput, std::move(problem)};
+  }
+  auto opened = open_link();
   if (opened) {
     radio_ = std::move(*opened);
     open_ = true;
@@ -165,7 +180,23 @@ float RadioLink::wish(const MapletKey& key, float saliency) noexcept {
 }
 
 void RadioLink::take(std::span<const std::byte> datagram) noexcept {
-  node_->receive(datagram, clock_.now());
+  const Instant now = clock_.now();
+  if (!security_) {
+    if (is_secured(datagram)) {
+      ++sealed_heard_;
+    } else {
+      node_->receive(datagram, now);
+    }
+    return;
+  }
+  const auto inside = security_->open(datagram, now);
+  if (security_->let_in()) node_->wake(now);
+  if (!inside.empty()) node_->receive(inside, now);
+}
+
+tl::expected<std::unique_ptr<DdsRadio>, DdsFailure> RadioLink::open_link() const {
+  return DdsRadio::open(config_, domain_, identity_.agent,
+                        dds_security_ ? &*dds_security_ : nullptr);
 }
 
 void RadioLink::loop() noexcept {
@@ -173,7 +204,8 @@ void RadioLink::loop() noexcept {
     Instant now = clock_.now();
     if (now - looked_at_ > kLook) look_after_link(now);
     if (radio_) {
-      (void)radio_->receive(std::clamp<Duration>(node_->due() - now, 2ms, kNap), *this);
+      const Instant due = security_ ? std::min(security_->due(), node_->due()) : node_->due();
+      (void)radio_->receive(std::clamp<Duration>(due - now, 2ms, kNap), *this);
     } else {
       std::this_thread::sleep_for(kNap);
     }
@@ -181,6 +213,7 @@ void RadioLink::loop() noexcept {
     take_own(now);
     if (radio_) send(now);
     if (now - noted_at_ > kLook / 4) {
+      if (security_) security_->look(now);
       note_status(now);
       warn_once();
     }
@@ -199,7 +232,7 @@ void RadioLink::look_after_link(Instant now) noexcept {
   }
   if (radio_ || now < retry_at_) return;
   retry_at_ = now + kRetry;
-  auto opened = DdsRadio::open(config_, domain_, identity_.agent);
+  auto opened = open_link();
   if (!opened) {
     if (!warned_.open && opened.error().code != ErrorCode::kDevice) {
       log_warning(opened.error().what + "; tried again every few seconds");
@@ -247,18 +280,32 @@ void RadioLink::take_own(Instant now) noexcept {
   }
 }
 
+void RadioLink::charge_others(Instant now) noexcept {
+  if (!WireMeter::available) return;
+  const std::uint64_t bytes = WireMeter::bytes;
+  if (bytes == metered_) return;
+  budget_.charge_others(bytes - metered_, now);
+  wire_bytes_ += bytes - metered_;
+  dds_bytes_ += bytes - metered_;
+  metered_ = bytes;
+}
+
+void RadioLink::write(Traffic lane, std::span<const std::byte> frame, std::size_t copies,
+                      Instant now) noexcept {
+  charge_others(now);
+  (void)radio_->write(lane, frame);
+  std::uint64_t bytes = (frame.size() + overhead_) * copies;
+  if (WireMeter::available) {
+    bytes = WireMeter::bytes - metered_;
+    metered_ += bytes;
+  }
+  budget_.charge(bytes, now);
+  wire_bytes_ += bytes;
+  lane_bytes_[static_cast<std::size_t>(lane)] += bytes;
+}
+
 void RadioLink::send(Instant now) noexcept {
-  const bool metered = WireMeter::available;
-  const auto charge_others = [&] {
-    if (!metered) return;
-    const std::uint64_t bytes = WireMeter::bytes;
-    if (bytes == metered_) return;
-    budget_.charge_others(bytes - metered_, now);
-    wire_bytes_ += bytes - metered_;
-    dds_bytes_ += bytes - metered_;
-    metered_ = bytes;
-  };
-  charge_others();
+  charge_others(now);
   const auto rate = static_cast<std::uint64_t>(bytes_per_s_.load());
   budget_.set_rate(static_cast<double>(rate));
   budget_.set_apart(node_->somebody_away(now));
@@ -270,20 +317,19 @@ void RadioLink::send(Instant now) noexcept {
   listeners_ = listeners;
   if (listeners == 0) return;  // nobody would hear it
   const std::size_t copies = radio_->copies();
-  const std::size_t most = wire_bytes_of_datagram(config_.link_profile()) * copies;
+  const std::size_t most = (most_bytes_ + overhead_) * copies;
   while (budget_.allows(most, now, false)) {
+    if (security_ && !silent_) {
+      if (const auto frame = security_->next(now); !frame.empty()) {
+        write(Traffic::kControl, frame, copies, now);
+        continue;
+      }
+    }
     const ExchangeNode::Outgoing out = node_->next(now, budget_.allows(most, now));
     if (out.bytes.empty()) return;
-    charge_others();
-    (void)radio_->write(out.lane, out.bytes);
-    std::uint64_t bytes = (out.bytes.size() + kWireOverheadBytes) * copies;
-    if (metered) {
-      bytes = WireMeter::bytes - metered_;
-      metered_ += bytes;
-    }
-    budget_.charge(bytes, now);
-    wire_bytes_ += bytes;
-    lane_bytes_[static_cast<std::size_t>(out.lane)] += bytes;
+    const auto frame = security_ ? security_->seal(out.bytes) : out.bytes;
+    if (frame.empty()) return;  // without keys of today
+    write(out.lane, frame, copies, now);
   }
 }
 

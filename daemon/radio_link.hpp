@@ -12,6 +12,7 @@
 #include "core/agent/agent.hpp"
 #include "core/base/arena.hpp"
 #include "daemon/config.hpp"
+#include "daemon/link_security.hpp"
 #include "transport/dds/radio.hpp"
 #include "transport/sync/byte_budget.hpp"
 #include "transport/sync/node.hpp"
@@ -39,6 +40,7 @@ struct RadioStatus {
   std::uint64_t lives_refused = 0;  ///< times that there was no room for another agent's life
   NodeCounters counters;
   MapletTrade::Counters maplets;
+  SecurityStatus security;
   struct PeerStatus {
     Peer peer;
     bool in_sync = false;
@@ -57,7 +59,9 @@ struct RadioStatus {
 ///   allocation; status(), set_silent() and adjust() from any.
 class RadioLink final : private RecordTaker, private FrameTaker {
  public:
-  RadioLink(const Config& config, AgentIdentity identity, Arena& arena);
+  /// @param security  the keys, where security is on; without them nothing can be opened
+  RadioLink(const Config& config, AgentIdentity identity, Arena& arena,
+            const std::optional<SecuritySetup>& security = {});
   ~RadioLink() override;
   RadioLink(const RadioLink&) = delete;
   RadioLink& operator=(const RadioLink&) = delete;
@@ -114,6 +118,8 @@ class RadioLink final : private RecordTaker, private FrameTaker {
   /// Of the records held, a moment ago.
   [[nodiscard]] std::uint64_t records_digest() const noexcept { return records_digest_; }
   [[nodiscard]] RadioStatus status() const;
+  /// nullptr: security is off. Threads any.
+  [[nodiscard]] LinkSecurity* security() noexcept { return security_.get(); }
   /// Waits until all that others hold is here and the other way round: nobody heard, or nothing
   /// changed any more. Calls `meanwhile` many times a second.
   template <class Meanwhile>
@@ -140,6 +146,10 @@ class RadioLink final : private RecordTaker, private FrameTaker {
   void announce(Instant now) noexcept;
   void take_own(Instant now) noexcept;
   void send(Instant now) noexcept;
+  void write(Traffic lane, std::span<const std::byte> frame, std::size_t copies,
+             Instant now) noexcept;
+  void charge_others(Instant now) noexcept;
+  [[nodiscard]] tl::expected<std::unique_ptr<DdsRadio>, DdsFailure> open_link() const;
   void note_status(Instant now) noexcept;
   void warn_once() noexcept;
   [[nodiscard]] bool at_rest() const noexcept { return at_rest_; }
@@ -150,6 +160,10 @@ class RadioLink final : private RecordTaker, private FrameTaker {
   std::atomic<int> wish_all_;
   std::atomic<int> bytes_per_s_;
   Arena::Owned<ExchangeNode> node_;
+  Arena::Owned<LinkSecurity> security_;  ///< nullptr: off
+  std::optional<DdsSecurityFiles> dds_security_;
+  std::size_t overhead_;    ///< of a datagram on the wire
+  std::size_t most_bytes_;  ///< of a datagram
   ByteBudget budget_;
   std::unique_ptr<DdsRadio> radio_;
   MonotonicClock clock_;
@@ -182,7 +196,9 @@ class RadioLink final : private RecordTaker, private FrameTaker {
     bool lives = false;
     bool future = false;
     bool open = false;
+    bool sealed = false;
   } warned_;
+  std::uint64_t sealed_heard_ = 0;
   Instant busy_at_{};  ///< something was heard, taken or missing
   std::uint32_t listeners_ = 0;
   std::uint64_t metered_ = 0;

@@ -60,6 +60,8 @@ void RadioLink::note_status(Instant now) noexcept {
   if (s.conflicts == 0) s.conflicting_agent = -1;
   s.lives_refused = node_->ledger().lives_refused();
   s.counters = node_->counters();
+  if (security_) s.security = security_->status();
+  s.security.sealed_heard = sealed_heard_;
   s.maplets = node_->maplets().counters();
   s.peer_count = 0;
   for (const bool ended : {false, true}) {  // those that live first
@@ -88,6 +90,9 @@ void RadioLink::warn_once() noexcept {
     log_warning(
         "exchange: more agents and restarts are known than exchange.max_lives allows: the "
         "records of further ones are not taken; raise it");
+  }
+  if (sealed_heard_ > 0 && !std::exchange(warned_.sealed, true)) {
+    log_warning("security: a secured team is heard, and this agent has no keys (security.mode)");
   }
   if (node_->counters().future > 0 && !std::exchange(warned_.future, true)) {
     log_warning("exchange: an agent speaks a newer version, which is left alone: update mapletd");

@@ -227,6 +227,7 @@ nlohmann::ordered_json status_json(const StatusBoard::Notice& notice, const Memo
   json["peers"] = Json::array();
   if (radio) {
     json["exchange"] = exchange_json(*radio);
+    json["security"] = security_json(radio->security);
     for (std::size_t i = 0; i < radio->peer_count; ++i) {
       json["peers"].push_back(peer_json(radio->peers[i]));
     }

@@ -25,6 +25,7 @@ void add_diff(Command app);
 void add_draw(Command app);
 void add_eval(Command app);
 void add_export(Command app);
+void add_keys(Command app);
 void add_match(Command app);
 void add_mission(Command app);
 void add_patches(Command app);

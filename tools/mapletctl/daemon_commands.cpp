@@ -163,6 +163,25 @@ void print_maplets(const Json& maplets) {
   }
 }
 
+void add_peers(Command app) {
+  auto asked = std::make_shared<Asked>();
+  const Command sub = app.add_command(
+      "peers", "The other agents that a running daemon hears; with security on, who was refused");
+  add_daemon_options(sub, std::shared_ptr<Daemon>{asked, &asked->daemon});
+  sub.add_flag("--json", asked->json,
+               "the agents, as JSON; of who was refused status --json tells");
+  sub.run([asked] {
+    const Json peers = ask(asked->daemon, {{"command", "peers"}});
+    if (asked->json) {
+      fmt::print("{}\n", peers.dump());
+      return;
+    }
+    for (const Json& peer : peers) print_peer(peer);
+    if (peers.empty()) fmt::print("nobody was heard yet\n");
+    print_security(ask(asked->daemon, {{"command", "security"}}));
+  });
+}
+
 void add_set(Command app) {
   struct Set : Asked {
     std::string key, value;
@@ -204,11 +223,7 @@ void add_radio(Command app) {
 
 void add_daemon_commands(Command app) {
   add_status(app);
-  add_question(app, "peers", "The other agents that a running daemon hears", "peers",
-               [](const Json& peers) {
-                 for (const Json& peer : peers) print_peer(peer);
-                 if (peers.empty()) fmt::print("nobody was heard yet\n");
-               });
+  add_peers(app);
   const Command closure =
       app.add_command("closure", "Places seen again: list, reject, restore, add");
   closure.require_command();

@@ -32,6 +32,7 @@ int main(int argc, char** argv) {
           add_draw(app);
           add_eval(app);
           add_export(app);
+          add_keys(app);
           add_match(app);
           add_mission(app);
           add_patches(app);

@@ -33,6 +33,25 @@ double number(const Json& value) {
 
 }  // namespace
 
+void print_security(const Json& security) {
+  if (security["mode"] == "off") {
+    if (security["sealed_heard"].get<std::int64_t>() > 0) {
+      fmt::print("security  off; a secured team is heard ({} frames)\n",
+                 security["sealed_heard"].get<std::int64_t>());
+    }
+    return;
+  }
+  std::string refused;
+  for (const auto& [reason, count] : security["refused"].items()) {
+    if (count.get<std::int64_t>() == 0) continue;
+    refused +=
+        fmt::format("{}{} {}", refused.empty() ? "" : ", ", count.get<std::int64_t>(), reason);
+  }
+  fmt::print("security  keys of generation {}, {}, until {}; refused: {}\n",
+             security["generation"].get<std::uint32_t>(), security["state"].get<std::string>(),
+             security["not_after"].get<std::string>(), refused.empty() ? "nothing" : refused);
+}
+
 void print_peer(const Json& peer) {
   fmt::print("agent {:<5} heard {:.1f} s ago{}  {}  {} records  loss {:.0f} %",
              peer["agent"].get<int>(), peer["heard_s_ago"].get<double>(),
@@ -113,6 +132,7 @@ void print_status(const Json& s) {
           "network (mapletctl check)\n");
     }
   }
+  if (s.contains("security")) print_security(s["security"]);
   print_kept(s);
   for (const Json& peer : s["peers"]) print_peer(peer);
 }

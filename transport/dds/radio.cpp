@@ -170,12 +170,13 @@ class DdsRadio::Impl {
   std::array<std::uint8_t, kFrameBytes> bytes_{};
 };
 
-tl::expected<std::unique_ptr<DdsRadio>, DdsFailure> DdsRadio::open(const RadioConfig& config,
-                                                                   int domain, int agent) {
+tl::expected<std::unique_ptr<DdsRadio>, DdsFailure> DdsRadio::open(
+    const RadioConfig& config, int domain, int agent, const DdsSecurityFiles* security) {
   const int wanted = config.interface == "lo" ? agent % kDaemonIndices : 0;
   auto opened = DdsDomain::open(
-      {domain, config.interface, 0, kDaemonIndices, wanted,
-       [&](int index, bool multicast) { return cyclone_radio_xml(config, index, multicast); }});
+      {domain, config.interface, 0, kDaemonIndices, wanted, [&](int index, bool multicast) {
+         return cyclone_radio_xml(config, index, multicast, security);
+       }});
   if (!opened) return tl::unexpected<DdsFailure>{opened.error()};
   auto impl = std::make_unique<Impl>(std::move(*opened), config);
   if (auto failure = impl->open_topics()) return tl::unexpected<DdsFailure>{std::move(*failure)};

@@ -27,9 +27,10 @@ class FrameTaker {
 /// Threads  one caller, and Cyclone's own.
 class DdsRadio {
  public:
+  /// @param security  nullptr: without DDS Security
   /// @return an open link, or why not: kDevice when the interface is not there (yet)
   [[nodiscard]] static tl::expected<std::unique_ptr<DdsRadio>, DdsFailure> open(
-      const RadioConfig& config, int domain, int agent);
+      const RadioConfig& config, int domain, int agent, const DdsSecurityFiles* security = nullptr);
   ~DdsRadio();
   DdsRadio(const DdsRadio&) = delete;
   DdsRadio& operator=(const DdsRadio&) = delete;

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 
 #include "transport/dds/config.hpp"
 
@@ -77,7 +78,29 @@ std::string RadioConfig::problem(int local_domain) const {
   return {};
 }
 
-std::string cyclone_radio_xml(const RadioConfig& config, int participant_index, bool multicast) {
+std::string DdsSecurityFiles::xml() const {
+  const auto library = [](const char* what, const char* short_name) {
+    return fmt::format(
+        "<Library initFunction=\"init_{0}\" finalizeFunction=\"finalize_{0}\" "
+        "path=\"dds_security_{1}\"/>",
+        what, short_name);
+  };
+  const auto file = [](const char* element, const std::string& path) {
+    return fmt::format("<{0}>file:{1}</{0}>", element, xml_escaped(path));
+  };
+  std::error_code error;
+  const bool any_revoked = std::filesystem::exists(revoked(), error);
+  return "<Security><Authentication>" + library("authentication", "auth") +
+         file("IdentityCA", authority()) + file("IdentityCertificate", identity()) +
+         file("PrivateKey", private_key()) + (any_revoked ? file("CRL", revoked()) : "") +
+         "</Authentication><Cryptographic>" + library("crypto", "crypto") +
+         "</Cryptographic><AccessControl>" + library("access_control", "ac") +
+         file("Governance", governance()) + file("PermissionsCA", authority()) +
+         file("Permissions", permissions()) + "</AccessControl></Security>";
+}
+
+std::string cyclone_radio_xml(const RadioConfig& config, int participant_index, bool multicast,
+                              const DdsSecurityFiles* security) {
   const bool slow = config.profile == "radio";
   const auto peer_list = config.peer_list();
   std::string peers;
@@ -100,14 +123,15 @@ std::string cyclone_radio_xml(const RadioConfig& config, int participant_index, 
       "<Internal><MultipleReceiveThreads>false</MultipleReceiveThreads>{}"
       "<SocketReceiveBufferSize min=\"64KiB\" max=\"256KiB\"/>"
       "<Watermarks><WhcHigh>64KiB</WhcHigh><WhcAdaptive>false</WhcAdaptive></Watermarks>"
-      "<MaxSampleSize>4KiB</MaxSampleSize></Internal>"
+      "<MaxSampleSize>{}</MaxSampleSize></Internal>"
       "<Sizing><ReceiveBufferSize>128KiB</ReceiveBufferSize>"
       "<ReceiveBufferChunkSize>32KiB</ReceiveBufferChunkSize></Sizing>"
-      "{}"
+      "{}{}"
       "</Domain></CycloneDDS>",
       xml_escaped(config.interface), unicast ? "default" : "true", unicast ? "false" : "true",
       participant_index, peer_list.empty() ? kDaemonIndices - 1 : last_index, peers,
-      slow ? kRadioTimers : kWifiTimers, cyclone_threads_xml());
+      slow ? kRadioTimers : kWifiTimers, security != nullptr ? "32KiB" : "4KiB",
+      cyclone_threads_xml(), security != nullptr ? security->xml() : "");
 }
 
 }  // namespace maplet

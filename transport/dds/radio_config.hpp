@@ -47,8 +47,29 @@ struct RadioConfig {
 /// What DDS, UDP and IP add to a datagram of ours (docs/dds.md).
 inline constexpr std::size_t kWireOverheadBytes = 92;
 
+/// The same inside DDS Security, data encrypted and signed (docs/security.md).
+inline constexpr std::size_t kSecuredWireOverheadBytes = 160;
+
+/// What DDS Security reads of the folder that `mapletctl keys agent` wrote.
+struct DdsSecurityFiles {
+  std::string dir;
+
+  [[nodiscard]] std::string authority() const { return dir + "/ca.pem"; }
+  [[nodiscard]] std::string identity() const { return dir + "/identity.pem"; }
+  [[nodiscard]] std::string private_key() const { return dir + "/identity.key.pem"; }
+  [[nodiscard]] std::string governance() const { return dir + "/governance.p7s"; }
+  [[nodiscard]] std::string permissions() const { return dir + "/permissions.p7s"; }
+  [[nodiscard]] std::string revoked() const { return dir + "/crl.pem"; }  ///< may be missing
+  [[nodiscard]] std::vector<std::string> open_files() const {
+    return {authority(), identity(), governance(), permissions()};
+  }
+  /// The element of Cyclone's configuration.
+  [[nodiscard]] std::string xml() const;
+};
+
 /// Cyclone's configuration for the link: patient timers, bounded memory, no data but ours.
 [[nodiscard]] std::string cyclone_radio_xml(const RadioConfig& config, int participant_index,
-                                            bool multicast);
+                                            bool multicast,
+                                            const DdsSecurityFiles* security = nullptr);
 
 }  // namespace maplet

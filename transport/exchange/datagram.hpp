@@ -38,7 +38,8 @@ struct DatagramHead {
 ///   u32      CRC-32C of everything before
 ///
 /// Little-endian. A newer version of an entry is a new kind; a newer version of the whole is a new
-/// version number, which older agents count and leave alone.
+/// version number, which older agents count and leave alone. Versions 2 to 4 are those of
+/// security/frame.hpp.
 inline constexpr std::uint8_t kDatagramVersion = 1;
 inline constexpr std::size_t kDatagramHeadBytes = 9;
 inline constexpr std::size_t kDatagramCrcBytes = 4;
