@@ -21,6 +21,7 @@
 #include "drivers/gray_camera.hpp"
 #include "drivers/open_source.hpp"
 #include "drivers/openni2/cameras.hpp"
+#include "transport/security/key_files.hpp"
 
 namespace maplet::daemon {
 
@@ -215,6 +216,27 @@ void check_realtime(std::vector<CheckResult>& results, const RealtimeConfig& rea
                      fmt::format("grant LimitRTPRIO={}", wanted)});
 }
 
+void check_security(std::vector<CheckResult>& results, const SecurityConfig& security) {
+  if (!security.on()) {
+    results.push_back(ok("security", "off: anybody on the link reads and speaks"));
+    return;
+  }
+  const auto keys = load_agent_keys(security.keys);
+  const std::string dates =
+      keys ? problem(keys->validity, std::time(nullptr), security.clock_tolerance_s) : "";
+  if (!keys) {
+    results.push_back(
+        {"security", Result::kFail, keys.error(), "mapletctl keys; docs/security.md"});
+  } else if (!dates.empty()) {
+    results.push_back(
+        {"security", Result::kFail, "the keys are " + dates, "mapletctl keys rotate"});
+  } else {
+    results.push_back(
+        ok("security", fmt::format("keys of agent {}, generation {}, until {}", keys->agent,
+                                   keys->generation, utc(keys->validity.not_after_s))));
+  }
+}
+
 }  // namespace
 
 std::string_view to_string(Result result) noexcept {
@@ -236,6 +258,7 @@ std::vector<CheckResult> self_check(const Config& config) {
   check_gpio(results, config.gpio);
   check_clock(results);
   check_network(results, config.radio);
+  check_security(results, config.security);
   check_memory(results, config);
   check_realtime(results, config.realtime);
   return results;

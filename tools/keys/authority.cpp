@@ -25,8 +25,7 @@ struct Free {
   void operator()(X509_REVOKED* p) const noexcept { X509_REVOKED_free(p); }
   void operator()(X509_EXTENSION* p) const noexcept { X509_EXTENSION_free(p); }
   void operator()(PKCS7* p) const noexcept { PKCS7_free(p); }
-  void operator()(ASN1_INTEGER* p) const noexcept { ASN1_INTEGER_free(p); }
-  void operator()(ASN1_TIME* p) const noexcept { ASN1_TIME_free(p); }
+  void operator()(ASN1_STRING* p) const noexcept { ASN1_STRING_free(p); }  // times and numbers
 };
 template <class T>
 using Owned = std::unique_ptr<T, Free>;

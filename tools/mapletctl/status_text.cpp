@@ -207,6 +207,12 @@ std::string prometheus_text(const Json& s) {
     Metric{text, "records_missing", "gauge", "Records known to be missing here"}.sample(
         number(e["missing"]));
   }
+  if (s.contains("security") && s["security"].contains("refused")) {
+    const Metric refused{text, "refused_total", "counter", "Frames that were not believed"};
+    for (const auto& [reason, count] : s["security"]["refused"].items()) {
+      refused.sample(number(count), fmt::format("reason=\"{}\"", reason));
+    }
+  }
   if (!s["peers"].empty()) {
     const Metric heard{text, "peer_heard_seconds", "gauge", "Since another agent was heard"};
     for (const Json& peer : s["peers"]) {
