@@ -8,7 +8,6 @@
 #include <nlohmann/json.hpp>
 
 #include "daemon/log.hpp"
-#include "transport/dds/domain.hpp"
 
 namespace maplet::daemon {
 
@@ -238,7 +237,6 @@ SecurityStatus LinkSecurity::status() const {
   status.proven = static_cast<std::uint64_t>(
       std::ranges::count(guard_.sessions().all(), Session::State::kProven, &Session::state));
   status.notices_sent = guard_.board().sent();
-  status.refused_by_dds = security_complaints();
   return status;
 }
 

@@ -2,6 +2,7 @@
 #include "daemon/radio_link.hpp"
 
 #include <algorithm>
+#include <utility>
 
 #include "daemon/log.hpp"
 #include "daemon/thread_setup.hpp"
@@ -224,11 +225,13 @@ void RadioLink::loop() noexcept {
 void RadioLink::look_after_link(Instant now) noexcept {
   looked_at_ = now;
   if (radio_) announce(now);
+  if (radio_) strangers_ = radio_->strangers(now);
   if (radio_ && !radio_->interface_holds()) {
     log_warning("dds.interface '" + config_.interface + "' is gone or has changed: waiting for it");
     radio_.reset();
     open_ = false;
     listeners_ = 0;
+    strangers_before_ += std::exchange(strangers_, 0);
   }
   if (radio_ || now < retry_at_) return;
   retry_at_ = now + kRetry;

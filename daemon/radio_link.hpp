@@ -197,9 +197,12 @@ class RadioLink final : private RecordTaker, private FrameTaker {
     bool future = false;
     bool open = false;
     bool sealed = false;
+    std::uint64_t strangers = 0;
   } warned_;
   std::uint64_t sealed_heard_ = 0;
-  Instant busy_at_{};  ///< something was heard, taken or missing
+  std::uint64_t strangers_ = 0;
+  std::uint64_t strangers_before_ = 0;  ///< while earlier links were open
+  Instant busy_at_{};                   ///< something was heard, taken or missing
   std::uint32_t listeners_ = 0;
   std::uint64_t metered_ = 0;
   std::uint64_t wire_bytes_ = 0;

@@ -62,6 +62,7 @@ void RadioLink::note_status(Instant now) noexcept {
   s.counters = node_->counters();
   if (security_) s.security = security_->status();
   s.security.sealed_heard = sealed_heard_;
+  s.security.refused_by_dds = strangers_before_ + strangers_;
   s.maplets = node_->maplets().counters();
   s.peer_count = 0;
   for (const bool ended : {false, true}) {  // those that live first
@@ -93,6 +94,10 @@ void RadioLink::warn_once() noexcept {
   }
   if (sealed_heard_ > 0 && !std::exchange(warned_.sealed, true)) {
     log_warning("security: a secured team is heard, and this agent has no keys (security.mode)");
+  }
+  if (const std::uint64_t all = strangers_before_ + strangers_; all > warned_.strangers) {
+    warned_.strangers = all;
+    log_warning(fmt::format("security: DDS Security kept {} participants out so far", all));
   }
   if (node_->counters().future > 0 && !std::exchange(warned_.future, true)) {
     log_warning("exchange: an agent speaks a newer version, which is left alone: update mapletd");

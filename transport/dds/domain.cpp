@@ -9,9 +9,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include <atomic>
 #include <mutex>
-#include <string_view>
 #include <utility>
 
 #include "transport/dds/quiet.hpp"
@@ -23,11 +21,6 @@ namespace {
 /// Cyclone says why it failed only to its log: keeps the last complaint.
 class LogTap {
  public:
-  static std::atomic<std::uint64_t>& complaints() noexcept {
-    static std::atomic<std::uint64_t> count{0};
-    return count;
-  }
-
   LogTap() noexcept : lock_{mutex()} {
     last().clear();
     dds_set_log_sink(&LogTap::take, nullptr);
@@ -52,16 +45,7 @@ class LogTap {
     last().assign(data->message, data->size);
     while (!last().empty() && last().back() == '\n') last().pop_back();
   }
-  /// Who is refused by DDS Security is told in the log alone.
-  static void ignore(void*, const dds_log_data_t* data) {
-    const std::string_view text{data->message, data->size};
-    for (const std::string_view word :
-         {"not allowed", "authenticat", "identity", "emote participant", "decod"}) {
-      if (text.find(word) == std::string_view::npos) continue;
-      complaints().fetch_add(1, std::memory_order_relaxed);
-      return;
-    }
-  }
+  static void ignore(void*, const dds_log_data_t*) {}
 
   std::lock_guard<std::mutex> lock_;
 };
@@ -95,8 +79,6 @@ std::pair<dds_entity_t, dds_entity_t> create(int domain_id, const std::string& x
 }
 
 }  // namespace
-
-std::uint64_t security_complaints() noexcept { return LogTap::complaints(); }
 
 std::optional<std::string> interface_problem(const std::string& interface) {
   ifaddrs* list = nullptr;

@@ -55,10 +55,6 @@ class DdsDomain {
   int index_;
 };
 
-/// How often DDS Security refused somebody, in all domains of this process, since its start: agents
-/// without certificates, with foreign or revoked ones, frames that do not open. Threads: any.
-[[nodiscard]] std::uint64_t security_complaints() noexcept;
-
 /// Why `interface` cannot carry DDS now; nothing when it can.
 [[nodiscard]] std::optional<std::string> interface_problem(const std::string& interface);
 

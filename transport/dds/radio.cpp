@@ -13,6 +13,7 @@
 #include <optional>
 
 #include "transport/dds/config.hpp"
+#include "transport/dds/strangers.hpp"
 
 namespace maplet {
 
@@ -126,6 +127,12 @@ class DdsRadio::Impl {
     if (dds_get_publication_matched_status(writers_[0], &matched) != DDS_RETCODE_OK) return 0;
     return matched.current_count;
   }
+  void look_for_strangers() { strangers_.emplace(domain_.participant(), readers_[0]); }
+  [[nodiscard]] std::uint64_t strangers(Instant now) noexcept {
+    if (!strangers_) return 0;
+    strangers_->look(now);
+    return strangers_->count();
+  }
   [[nodiscard]] bool unicast() const noexcept { return unicast_; }
   [[nodiscard]] bool interface_holds() const noexcept {
     return bound_.up && state_of(interface_) == bound_;
@@ -164,6 +171,7 @@ class DdsRadio::Impl {
   bool unicast_;
   dds_entity_t waitset_ = 0;
   dds_entity_t guard_ = 0;
+  std::optional<Strangers> strangers_;
   std::uint8_t announcement_ = 0;
   std::array<dds_entity_t, kLanes> writers_{};
   std::array<dds_entity_t, kLanes> readers_{};
@@ -180,6 +188,7 @@ tl::expected<std::unique_ptr<DdsRadio>, DdsFailure> DdsRadio::open(
   if (!opened) return tl::unexpected<DdsFailure>{opened.error()};
   auto impl = std::make_unique<Impl>(std::move(*opened), config);
   if (auto failure = impl->open_topics()) return tl::unexpected<DdsFailure>{std::move(*failure)};
+  if (security != nullptr) impl->look_for_strangers();
   return std::unique_ptr<DdsRadio>{new DdsRadio{std::move(impl)}};
 }
 
@@ -198,6 +207,7 @@ std::uint32_t DdsRadio::listeners() const noexcept { return impl_->listeners(); 
 std::uint32_t DdsRadio::copies() const noexcept {
   return impl_->unicast() ? std::max(1U, listeners()) : 1U;
 }
+std::uint64_t DdsRadio::strangers(Instant now) noexcept { return impl_->strangers(now); }
 bool DdsRadio::interface_holds() const noexcept { return impl_->interface_holds(); }
 
 }  // namespace maplet

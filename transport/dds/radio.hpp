@@ -49,6 +49,8 @@ class DdsRadio {
   [[nodiscard]] std::uint32_t listeners() const noexcept;
   /// What one datagram goes out as: one multicast, or a copy a listener.
   [[nodiscard]] std::uint32_t copies() const noexcept;
+  /// Participants that DDS Security kept out, since this link was opened.
+  [[nodiscard]] std::uint64_t strangers(Instant now) noexcept;
   /// False when the interface is gone, down, another one of the same name, or has another address:
   /// close this link and open a new one.
   [[nodiscard]] bool interface_holds() const noexcept;
