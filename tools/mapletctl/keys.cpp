@@ -246,6 +246,7 @@ void add_keys(Command app) {
       "keys", "Keys of a team of agents: who may read and speak on the link between them");
   keys.require_command();
   keys.footer(
+      "From nothing to a lost robot:\n"
       "  mapletctl keys init                 once, on the operator's computer: the folder team/\n"
       "  mapletctl keys agent 1              for each robot: team/agent-1/ goes to robot 1\n"
       "  mapletctl keys revoke 3             robot 3 is lost: the next keys, without it\n"
