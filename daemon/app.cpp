@@ -133,15 +133,24 @@ bool App::loop() {
   return true;
 }
 
+Expected<DepthFrame> App::ask_source(Duration patience) noexcept {
+  if (capture_ != nullptr) return capture_->next(Deadline{machine_, patience});
+  const StageScope scope{meters_, Stage::kSource, patience};
+  const ThirdPartyScope theirs;  // decoding a recording allocates in its libraries
+  const Heartbeat::Waiting waiting{heart_};
+  return source_->next(Deadline{machine_, patience});
+}
+
 App::Read App::read(DepthFrame& frame) {
   constexpr Duration kPatience = std::chrono::seconds{1};
   constexpr int kMaxTimeouts = 5;  // a finite run does not wait for ever
   const auto next = flight_.frame([&]() -> Expected<DepthFrame> {
-    if (capture_ != nullptr) return capture_->next(Deadline{machine_, kPatience});
-    const StageScope scope{meters_, Stage::kSource, kPatience};
-    const ThirdPartyScope theirs;  // decoding a recording allocates in its libraries
-    const Heartbeat::Waiting waiting{heart_};
-    return source_->next(Deadline{machine_, kPatience});
+    auto came = ask_source(kPatience);
+    if (came && neighbours_) {
+      const auto when = capture_ != nullptr ? capture_->cost().came : std::nullopt;
+      neighbours_->came(*came, when.value_or(machine_.now()));
+    }
+    return came;
   });
   if (!replayed_) say_detail();
   if (next) {
@@ -180,6 +189,10 @@ void App::process(const DepthFrame& frame) {
   {
     const StageScope scope{meters_, Stage::kFrame, budget_};
     step = agent_->step(frame, deadline(given_));
+  }
+  if (neighbours_) {
+    const StageScope scope{meters_, Stage::kExchange, budget_};
+    neighbours_->tell(step, *agent_);
   }
   if (pace_ != Pace::kFast) governor_.done(flight_.now() - begin, budget_);
   say_tracking(step.track);

@@ -21,6 +21,7 @@
 #include "daemon/live_config.hpp"
 #include "daemon/log.hpp"
 #include "daemon/memory_status.hpp"
+#include "daemon/neighbours.hpp"
 #include "daemon/options.hpp"
 #include "daemon/own_records.hpp"
 #include "daemon/pacer.hpp"
@@ -75,6 +76,7 @@ class App {
   // app.cpp: the loop.
   [[nodiscard]] bool loop();  // until the end, a signal, or a failure: false
   [[nodiscard]] Read read(DepthFrame& frame);
+  [[nodiscard]] Expected<DepthFrame> ask_source(Duration patience) noexcept;
   void process(const DepthFrame& frame);
   /// Of work with this budget: in fast pace none at all.
   [[nodiscard]] Deadline deadline(Duration budget) const noexcept {
@@ -151,12 +153,13 @@ class App {
   DurationHistogram latency_;         ///< from the camera's runtime to a frame here
   Governor governor_;
   std::unique_ptr<RunOutput> output_;
+  StatusBoard board_;
+  std::unique_ptr<Neighbours> neighbours_;  ///< guests of the publisher: end after it
   std::unique_ptr<DdsPublisher> publisher_;
   std::unique_ptr<RadioLink> radio_;
   std::unique_ptr<JournalWriter> journal_;  ///< tells the radio: ends before it
   MonotonicClock machine_;                  ///< for what decides nothing
   LiveConfig live_;
-  StatusBoard board_;
   std::unique_ptr<MemoryStatus> memory_;
   Heartbeat heart_;                   ///< of the loop
   std::unique_ptr<GpioPanel> gpio_;   ///< looks at the heart; none where no line is used

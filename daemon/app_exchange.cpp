@@ -69,6 +69,7 @@ void App::hand_out(const MapletCut* closed) {
 void App::listen(int meetings) {
   if (console_) console_->attend(*agent_, Deadline::never());
   flight_.repeat_operators(*agent_);
+  if (neighbours_) neighbours_->look(*agent_);
   if (!linked() && !agent_->encounters().busy()) return;
   const StageScope scope{meters_, Stage::kExchange, budget_};
   const Deadline until = deadline(budget_);

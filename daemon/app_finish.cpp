@@ -54,8 +54,9 @@ int App::finish() {
   if (publisher_ && publisher_->open() && !publisher_->flush(patience)) {
     log_warning("a subscriber did not take everything in time");
   }
+  if (output_) (void)agent_->settle(Deadline::never());
+  if (neighbours_) neighbours_->finish(*agent_, patience);
   if (!output_) return kExitDone;
-  (void)agent_->settle(Deadline::never());
   close_journal();
   totals_.unrelated = records_.refused();
   if (totals_.processed == 0) {

@@ -38,13 +38,19 @@ int App::open() {
     output_ = std::move(*output);
   }
   if (!open_gpio()) return kExitFailure;
+  if (!replayed_ && Neighbours::needed(config_, options_.dds)) {
+    neighbours_ =
+        std::make_unique<Neighbours>(config_, options_.agent, pace_, options_.dds, board_);
+    neighbours_->start();
+  }
   open_console();
   supervisor_ = std::make_unique<Supervisor>(heart_, board_, warnings_, [this, finite] {
     if (!finite) reload();
   });
   if (options_.dds) {
     // A loopback that is down is no reason not to map: the radio may still work.
-    auto publisher = DdsPublisher::start(config_.dds, options_.agent, DdsPublisher::Missing::kWait);
+    auto publisher = DdsPublisher::start(config_.dds, options_.agent, DdsPublisher::Missing::kWait,
+                                         neighbours_.get());
     if (!publisher) {
       log_error(publisher.error().what);
       return kExitFailure;
@@ -221,7 +227,7 @@ void App::open_console() {
   if (config_.control.socket == "none" || replayed_) return;
   console_ = std::make_unique<Console>(
       Console::Subjects{identity_, board_, *memory_, live_, radio_.get(), gpio_.get(), gray_.get(),
-                        journal_.get(), &state_, &flight_},
+                        journal_.get(), &state_, &flight_, neighbours_.get()},
       static_cast<std::size_t>(config_.agent.skeleton.max_nodes));
   if (const std::string problem = console_->open(config_.control.socket); !problem.empty()) {
     log_warning(problem);

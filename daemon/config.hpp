@@ -5,12 +5,14 @@
 
 #include "core/agent/agent_config.hpp"
 #include "core/base/field.hpp"
+#include "daemon/autopilot_config.hpp"
 #include "daemon/gpio_config.hpp"
 #include "daemon/gray_config.hpp"
 #include "daemon/journal_config.hpp"
 #include "daemon/recorder_config.hpp"
 #include "transport/dds/config.hpp"
 #include "transport/dds/radio_config.hpp"
+#include "transport/ros2/ros2_config.hpp"
 #include "transport/security/security_config.hpp"
 #include "transport/sync/sync_config.hpp"
 
@@ -19,11 +21,16 @@ namespace maplet::daemon {
 /// Keys outside of any section.
 struct MissionConfig {
   std::string motion = "3d";
+  std::string output_frame = "enu_flu";
 
   static constexpr Field<MissionConfig> kFields[] = {
       {"motion", &MissionConfig::motion, 0, 0,
        "planar: the camera moves in the plane across body.up only, delta-poses have 3 numbers",
        "3d|planar"},
+      {"output_frame", &MissionConfig::output_frame, 0, 0,
+       "Axes of the autopilot's records: enu_flu (x forward at the start, y left, z up; body x "
+       "forward, y left, z up), ned_frd (y right, z down in both), camera (as inside)",
+       "enu_flu|ned_frd|camera"},
   };
 };
 
@@ -85,11 +92,15 @@ struct CameraConfig {
 /// How the camera sits on the robot.
 struct BodyConfig {
   Vector3OrAuto up;
+  std::string T_body_camera = "0,0,0,-0.5,0.5,-0.5,0.5";
 
   static constexpr Field<BodyConfig> kFields[] = {
       {"up", &BodyConfig::up, -1.0, 1.0,
        "Up in the camera's frame at start (x right, y down, z forward), or auto: from the dominant "
        "horizontal plane"},
+      {"T_body_camera", &BodyConfig::T_body_camera, 0, 0,
+       "Pose of the depth camera in the robot's body (x forward, y left, z up): "
+       "x,y,z,qx,qy,qz,qw in m; the default looks straight ahead"},
   };
 };
 
@@ -139,6 +150,8 @@ struct Config {
   RealtimeConfig realtime;
   GpioConfig gpio;
   GrayConfig gray;
+  Ros2Config ros2;
+  AutopilotConfig autopilot;
 };
 
 }  // namespace maplet::daemon

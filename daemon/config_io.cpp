@@ -11,8 +11,11 @@
 #include <utility>
 #include <vector>
 
+#include "daemon/autopilot_address.hpp"
 #include "daemon/config_keys.hpp"
 #include "daemon/gray_setup.hpp"
+#include "daemon/pose_text.hpp"
+#include "transport/ros2/names.hpp"
 
 namespace maplet::daemon {
 
@@ -98,6 +101,19 @@ tl::expected<void, ConfigError> apply(Config& config, const toml::table& root,
   return {};
 }
 
+/// What other programs on the robot are told: one line when it makes no sense.
+std::string outside_problem(const Config& config) {
+  if (!pose_of(config.body.T_body_camera)) {
+    return fmt::format(
+        "body.T_body_camera = '{}': must be x,y,z,qx,qy,qz,qw with a quaternion of length 1",
+        config.body.T_body_camera);
+  }
+  if (std::string problem = names_problem(config.ros2); !problem.empty()) return problem;
+  if (!config.autopilot.used()) return {};
+  const auto address = DatagramAddress::parse(config.autopilot.destination);
+  return address ? "" : "autopilot.destination = " + address.error();
+}
+
 }  // namespace
 
 tl::expected<void, ConfigError> check_together(const Config& config) {
@@ -137,6 +153,8 @@ tl::expected<void, ConfigError> check_together(const Config& config) {
         "security: mode = 'dds' takes 20 kB a pair of agents: for profile 'radio' choose 'sealed'"};
   }
   if (const auto gray = gray_options(config.gray); !gray) return tl::unexpected{gray.error()};
+  if (std::string problem = outside_problem(config); !problem.empty())
+    return tl::unexpected{std::move(problem)};
   const LimitsConfig& limits = config.agent.limits;
   if (config.gray.used() && (config.gray.width_px > limits.image_width_px ||
                              config.gray.height_px > limits.image_height_px)) {

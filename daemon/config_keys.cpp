@@ -212,6 +212,8 @@ const std::vector<ConfigKey>& config_keys() {
     MAPLET_SECTION("recorder", recorder);
     MAPLET_SECTION("realtime", realtime);
     MAPLET_SECTION("gpio", gpio);
+    MAPLET_SECTION("ros2", ros2);
+    MAPLET_SECTION("autopilot", autopilot);
     return keys;
   }();
   return all;

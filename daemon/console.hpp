@@ -25,6 +25,8 @@
 
 namespace maplet::daemon {
 
+class Neighbours;
+
 /// What the operator asks over the control socket, and the answers.
 ///
 /// Questions about the skeleton are answered by the estimator's thread between two frames: it
@@ -47,6 +49,7 @@ class Console {
     JournalWriter* journal = nullptr;  ///< nullptr: the mission is in memory only
     const StateDirectory* state = nullptr;
     FlightLog* flight = nullptr;
+    const Neighbours* neighbours = nullptr;  ///< nullptr: nobody else on this robot is told
   };
   /// @param max_nodes  of the skeleton
   Console(const Subjects& subjects, std::size_t max_nodes)

@@ -8,6 +8,7 @@
 #include "daemon/clear_mission.hpp"
 #include "daemon/console.hpp"
 #include "daemon/log.hpp"
+#include "daemon/neighbours_json.hpp"
 #include "daemon/private_tmp.hpp"
 #include "daemon/status_json.hpp"
 
@@ -88,6 +89,7 @@ std::string Console::status_text() const {
       recorder_json(about_us_.flight != nullptr ? about_us_.flight->writer() : nullptr);
   if (about_us_.gpio != nullptr) json["gpio"] = gpio_json(about_us_.gpio->status());
   if (about_us_.gray != nullptr) json["gray_camera"] = gray_json(*about_us_.gray);
+  if (about_us_.neighbours != nullptr) add_neighbours(about_us_.neighbours->status(), json);
   return json.dump();
 }
 

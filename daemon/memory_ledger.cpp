@@ -12,6 +12,7 @@
 #include "daemon/app.hpp"
 #include "daemon/capture_thread.hpp"
 #include "daemon/console.hpp"
+#include "daemon/neighbours.hpp"
 #include "daemon/own_records.hpp"
 #include "daemon/radio_link.hpp"
 #include "daemon/stage_stats.hpp"
@@ -29,7 +30,9 @@ constexpr std::size_t kParticipantBytes = 1280 * kKiB;  // one Cyclone participa
 constexpr std::size_t kKeptDeltaPoseBytes = 4400;       // a sample in a writer's history
 constexpr std::size_t kQueueBytes = 768 * kKiB;         // the publisher's
 constexpr std::size_t kStackBytes = 128 * kKiB;         // what a thread touches of its stack
-constexpr std::size_t kOwnThreads = 6;                  // the journal's beside
+constexpr std::size_t kRosHistoryBytes =
+    10 * 128 * kKiB;                    // markers and path, kept for late readers
+constexpr std::size_t kOwnThreads = 6;  // the journal's beside
 constexpr std::size_t kDdsThreads = 10;
 constexpr std::size_t kRuntimeBytes = 2 * kMiB;  // allocator, log, configuration
 constexpr std::size_t kCameraFrames = 8;         // the runtime's and the driver's
@@ -44,10 +47,14 @@ void add_beside(MemoryLedger& ledger, const Config& config, MemoryParts parts) {
   add(ledger, "stage meters", 1, sizeof(StageMeters));
   add(ledger, "control answers", 1,
       Console::bytes(static_cast<std::size_t>(config.agent.skeleton.max_nodes)));
-  const std::size_t more =
-      (config.gpio.used() ? 1 : 0) + (config.gray.used() ? 1 : 0) + (parts.journal ? 1 : 0);
+  const bool ros = parts.dds && config.ros2.enabled;
+  const std::size_t more = (config.gpio.used() ? 1 : 0) + (config.gray.used() ? 1 : 0) +
+                           (parts.journal ? 1 : 0) + (ros ? 1 : 0);
   add(ledger, "threads/ours, stacks", kOwnThreads + more, kStackBytes);
   add(ledger, "runtime", 1, kRuntimeBytes);
+  if (Neighbours::needed(config, parts.dds))
+    add(ledger, "neighbours/queues, map, path", 1, neighbours_bytes(config, parts.dds));
+  if (ros) add(ledger, "ros2/history of the writers", 1, kRosHistoryBytes);
   if (!config.recorder.file.empty()) {
     const auto queue = static_cast<std::size_t>(config.recorder.queue_kib) * kKiB;
     add(ledger, "recorder/queue and two items", 3, queue);

@@ -46,6 +46,8 @@ std::uint32_t epoch_of(const Options& options, const Config& config, const State
   Config content = config;  // without where the source lies and where the records go
   content.input.source.clear();
   content.dds = {};
+  content.ros2 = {};
+  content.autopilot = {};
   const std::string all = fmt::format("{}\n{}\n{:08x}\n{}", MAPLET_VERSION, options.agent,
                                       content_mark(config.input.source), print_config(content));
   return crc32c(std::as_bytes(std::span{all}));

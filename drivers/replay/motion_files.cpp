@@ -139,7 +139,7 @@ void MotionFiles::parse_odometry(std::string_view text) {
   const bool twists = 2 * poses < rows.rows.size();
   Vector6d last_twist = Vector6d::Zero();
   for (const Row& row : rows.rows) {
-    Pose pose{row.stamp, {}, Matrix6d::Zero()};
+    MotionPose pose{row.stamp, {}, Matrix6d::Zero()};
     const bool read = twists ? read_twist(row, last_twist, pose) : read_pose(row, pose);
     if (!read || (!poses_.empty() && row.stamp <= poses_.back().stamp)) {
       ++rows.bad;
@@ -151,7 +151,7 @@ void MotionFiles::parse_odometry(std::string_view text) {
 }
 
 // `x y z qx qy qz qw`, and the covariance of the motion since the line before.
-bool MotionFiles::read_pose(const MotionRow& row, Pose& pose) const noexcept {
+bool MotionFiles::read_pose(const MotionRow& row, MotionPose& pose) const noexcept {
   const auto& v = row.values;
   Matrix6d step;
   if (row.count < 7 || !covariance_of(row, 7, step)) return false;
@@ -165,7 +165,8 @@ bool MotionFiles::read_pose(const MotionRow& row, Pose& pose) const noexcept {
 
 // `vx vy vz wx wy wz`, m/s and rad/s in the camera's axes, and its covariance: integrated by
 // trapezoids. at() does not look into holes: what stands for them is of no consequence.
-bool MotionFiles::read_twist(const MotionRow& row, Vector6d& last, Pose& pose) const noexcept {
+bool MotionFiles::read_twist(const MotionRow& row, Vector6d& last,
+                             MotionPose& pose) const noexcept {
   Matrix6d of_twist;
   if (row.count < 6 || !covariance_of(row, 6, of_twist)) return false;
   const Vector6d twist = Eigen::Map<const Vector6d>{row.values.data()};
@@ -206,16 +207,10 @@ void MotionFiles::parse_gyro(std::string_view text) {
 MotionHint MotionFiles::at(Stamp stamp) const noexcept {
   MotionHint hint;
   double share = 0.0;
-  const Pose* pose_before = nullptr;
-  const Pose* pose_after = nullptr;
-  if (around(poses_, stamp, pose_before, pose_after, share)) {
-    const Se3& from = pose_before->T_external_camera;
-    const Vector6d step = (from.inverse() * pose_after->T_external_camera).log();
-    hint.has_pose = true;
-    hint.T_external_camera = from * Se3::exp(share * step);
-    hint.path_covariance =
-        (1.0 - share) * pose_before->path_covariance + share * pose_after->path_covariance;
-  }
+  const MotionPose* pose_before = nullptr;
+  const MotionPose* pose_after = nullptr;
+  if (around(poses_, stamp, pose_before, pose_after, share))
+    hint = between(*pose_before, *pose_after, share);
   const Turn* turn_before = nullptr;
   const Turn* turn_after = nullptr;
   if (around(turns_, stamp, turn_before, turn_after, share)) {

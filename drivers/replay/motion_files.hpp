@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "core/base/clock.hpp"
-#include "core/frame/motion_hint.hpp"
+#include "core/frame/motion_path.hpp"
 #include "core/geometry/se3.hpp"
 
 namespace maplet {
@@ -51,21 +51,17 @@ class MotionFiles {
   [[nodiscard]] const std::string& skipped_where() const noexcept { return skipped_where_; }
 
  private:
-  struct Pose {
-    Stamp stamp;
-    Se3 T_external_camera;
-    Matrix6d path_covariance = Matrix6d::Zero();
-  };
   struct Turn {  // the gyro's rates, integrated
     Stamp stamp;
     Eigen::Quaterniond q;
   };
 
-  [[nodiscard]] bool read_pose(const MotionRow& row, Pose& pose) const noexcept;
-  [[nodiscard]] bool read_twist(const MotionRow& row, Vector6d& last, Pose& pose) const noexcept;
+  [[nodiscard]] bool read_pose(const MotionRow& row, MotionPose& pose) const noexcept;
+  [[nodiscard]] bool read_twist(const MotionRow& row, Vector6d& last,
+                                MotionPose& pose) const noexcept;
   void note_skipped(const char* file, std::size_t lines, std::size_t first);
 
-  std::vector<Pose> poses_;
+  std::vector<MotionPose> poses_;
   std::vector<Turn> turns_;
   std::size_t skipped_ = 0;
   std::string skipped_where_;

@@ -1,6 +1,8 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #include "tools/files/surface.hpp"
 
+#include "core/maplet/strips.hpp"
+
 namespace maplet::files {
 
 std::vector<Surface> surfaces_of(const Maplet& maplet) {
@@ -10,19 +12,11 @@ std::vector<Surface> surfaces_of(const Maplet& maplet) {
     const CellGrid& grid = plane.grid;
     const PlaneBasis basis = plane.basis();
     const double size_m = maplet.cell_m_of(grid);
-    for (int row = 0; row < grid.rows; ++row) {
-      for (int column = 0; column < grid.columns;) {
-        const int first = column;
-        while (column < grid.columns && maplet.cell(grid, column, row)) ++column;
-        if (const int cells = column - first; cells > 0) {
-          surface.strips.push_back(
-              {basis.point((grid.column0 + first) * size_m, (grid.row0 + row) * size_m),
-               basis.u * (cells * size_m), basis.v * size_m});
-        } else {
-          ++column;
-        }
-      }
-    }
+    for_each_strip(maplet, plane, [&](int column, int row, int cells) {
+      surface.strips.push_back(
+          {basis.point((grid.column0 + column) * size_m, (grid.row0 + row) * size_m),
+           basis.u * (cells * size_m), basis.v * size_m});
+    });
     surfaces.push_back(std::move(surface));
   }
   return surfaces;

@@ -89,6 +89,35 @@ void print_kept(const Json& s) {
              recorder["bytes"].get<double>() / 1e6);
 }
 
+/// Other programs on the robot.
+void print_neighbours(const Json& s) {
+  const auto count = [](const Json& json, const char* key) {
+    return json[key].get<std::int64_t>();
+  };
+  if (s.contains("ros2")) {
+    const Json& ros = s["ros2"];
+    fmt::print("ros2      {} subscribers; {} odometry, {} map markers said, {} dropped\n",
+               count(ros, "subscribers"), count(ros, "odometry"), count(ros, "map_markers"),
+               count(ros, "dropped") + count(ros, "failed"));
+  }
+  if (s.contains("external_odometry")) {
+    const Json& e = s["external_odometry"];
+    fmt::print("prior     external odometry: {} publishers, {} of {} messages used",
+               count(e, "publishers"), count(e, "used"), count(e, "received"));
+    for (const char* why : {"malformed", "wrong_frame", "other_clock", "backwards", "too_often",
+                            "flooded", "leapt", "other_publisher"}) {
+      if (count(e, why) > 0) fmt::print(", {} {}", count(e, why), why);
+    }
+    fmt::print("\n");
+  }
+  if (s.contains("autopilot")) {
+    const Json& a = s["autopilot"];
+    const std::string problem = a["problem"];
+    fmt::print("autopilot {} records sent, {} not{}{}\n", count(a, "sent"), count(a, "failed"),
+               problem.empty() ? "" : ": ", problem);
+  }
+}
+
 }  // namespace
 
 void print_status(const Json& s) {
@@ -133,6 +162,7 @@ void print_status(const Json& s) {
     }
   }
   if (s.contains("security")) print_security(s["security"]);
+  print_neighbours(s);
   print_kept(s);
   for (const Json& peer : s["peers"]) print_peer(peer);
 }

@@ -2,12 +2,10 @@
 #include "transport/dds/publisher.hpp"
 
 #include <pthread.h>
-#include <semaphore.h>
 
 #include <array>
 #include <atomic>
 #include <boost/lockfree/spsc_queue.hpp>
-#include <ctime>
 #include <optional>
 #include <thread>
 
@@ -16,6 +14,7 @@
 #include "transport/dds/messages.hpp"
 #include "transport/dds/quiet.hpp"
 #include "transport/dds/range_topic.hpp"
+#include "transport/dds/wake.hpp"
 
 namespace maplet {
 
@@ -37,34 +36,14 @@ struct MapletHead {
 };
 static_assert(kMapletQueueBytes >= 4 * (sizeof(MapletHead) + kMaxMapletBytes));
 
-/// Posting never blocks: what std::condition_variable cannot promise.
-class Wake {
- public:
-  Wake() noexcept { sem_init(&semaphore_, 0, 0); }
-  ~Wake() { sem_destroy(&semaphore_); }
-  Wake(const Wake&) = delete;
-  Wake& operator=(const Wake&) = delete;
-  void post() noexcept { sem_post(&semaphore_); }
-  void wait(Duration limit) noexcept {
-    timespec until{};
-    clock_gettime(CLOCK_MONOTONIC, &until);
-    const auto ns = until.tv_nsec + limit.count();
-    until.tv_sec += ns / 1'000'000'000;
-    until.tv_nsec = ns % 1'000'000'000;
-    (void)sem_clockwait(&semaphore_, CLOCK_MONOTONIC, &until);
-  }
-
- private:
-  sem_t semaphore_{};
-};
-
 }  // namespace
 
 class DdsPublisher::Impl {
  public:
-  Impl(const DdsConfig& config, int agent)
+  Impl(const DdsConfig& config, int agent, LocalGuest* guest)
       : config_{config},
         agent_{agent},
+        guest_{guest},
         ranges_{static_cast<std::uint16_t>(agent)},
         delta_poses_{kDeltaPoseQueue},
         maplets_{kMapletQueueBytes},
@@ -91,6 +70,10 @@ class DdsPublisher::Impl {
     }
     if (!ranges_.open(participant)) {
       return DdsFailure{ErrorCode::kIo, "Cyclone DDS refuses to read " + std::string{kRangeTopic}};
+    }
+    if (guest_ != nullptr) {
+      if (std::string problem = guest_->join(participant); !problem.empty())
+        return DdsFailure{ErrorCode::kIo, std::move(problem)};
     }
     arrivals_.emplace(participant, writers_[0]);
     domain_.emplace(std::move(*domain));
@@ -136,6 +119,7 @@ class DdsPublisher::Impl {
 
   DdsConfig config_;
   int agent_;
+  LocalGuest* guest_;
   RangeInbox ranges_;  ///< ends after the domain
   boost::lockfree::spsc_queue<DeltaPoseRecord> delta_poses_;
   boost::lockfree::spsc_queue<std::byte> maplets_;
@@ -216,8 +200,9 @@ class DdsPublisher::Impl {
 
 tl::expected<std::unique_ptr<DdsPublisher>, DdsFailure> DdsPublisher::start(const DdsConfig& config,
                                                                             int agent,
-                                                                            Missing missing) {
-  auto impl = std::make_unique<Impl>(config, agent);
+                                                                            Missing missing,
+                                                                            LocalGuest* guest) {
+  auto impl = std::make_unique<Impl>(config, agent, guest);
   if (auto failure = impl->open_now()) {
     if (missing == Missing::kFail || failure->code != ErrorCode::kDevice) {
       return tl::unexpected<DdsFailure>{std::move(*failure)};

@@ -15,6 +15,17 @@
 
 namespace maplet {
 
+/// Somebody else who writes and reads in the same domain, as the same participant: one process has
+/// one in a domain.
+class LocalGuest {
+ public:
+  virtual ~LocalGuest() = default;
+  /// The domain is open; makes what it needs there, which ends with the domain. Called once, by
+  /// whoever opened it.
+  /// @return what was refused, on one line; empty: nothing
+  [[nodiscard]] virtual std::string join(std::int32_t participant) = 0;
+};
+
 /// Puts an agent's delta-poses, maplets and status into the local domain; takes ranges from it.
 ///
 /// Memory   queues fixed at construction (about 0.7 MB); Cyclone's own in docs/memory.md.
@@ -35,9 +46,10 @@ class DdsPublisher {
     std::uint64_t failed = 0;   ///< refused by Cyclone
   };
 
+  /// @param guest  outlives the publisher
   /// @return a running publisher, or why not: one line with the remedy
   [[nodiscard]] static tl::expected<std::unique_ptr<DdsPublisher>, DdsFailure> start(
-      const DdsConfig& config, int agent, Missing missing);
+      const DdsConfig& config, int agent, Missing missing, LocalGuest* guest = nullptr);
 
   /// Writes what is queued, for a moment, and leaves the domain.
   ~DdsPublisher();

@@ -23,7 +23,10 @@ WORLD = "sim:loop?seed=7&width=160&rate_hz=10&frames={}&agent={}&phase=0.{}"
 NODES = {1: 12, 2: 30}
 LITTLE = ["skeleton.max_factors=80", "limits.own_maplets=10",
           "limits.foreign_maplets=8", "dds.delta_pose_history=8", "dds.maplet_history=2",
-          "exchange.linger_s=5", "dds.budget_bytes_per_s=50000"]
+          "exchange.linger_s=5", "dds.budget_bytes_per_s=50000",
+          # Others on the robot: room for few pieces, nobody at the other end.
+          "ros2.enabled=true", "ros2.map_quads=200", "ros2.path_poses=20",
+          "ros2.external_odometry=wheel/odometry", "autopilot.destination=udp:127.0.0.1:9"]
 
 
 class NoHeap(unittest.TestCase):
