@@ -205,13 +205,15 @@ std::vector<Line> read_lines(const char* file) {
 
 DomainParticipant* open(int domain) {
   DomainParticipantQos qos;
-  // ROS_LOCALHOST_ONLY=1.
+  auto* factory = DomainParticipantFactory::get_instance();
+  const char* local = std::getenv("ROS_LOCALHOST_ONLY");
+  const bool everywhere = local != nullptr && std::strcmp(local, "0") == 0;
+  if (everywhere) return factory->create_participant(static_cast<std::uint32_t>(domain), qos);
   qos.transport().use_builtin_transports = false;
   auto udp = std::make_shared<eprosima::fastdds::rtps::UDPv4TransportDescriptor>();
   udp->interfaceWhiteList.emplace_back("127.0.0.1");
   qos.transport().user_transports.push_back(udp);
-  return DomainParticipantFactory::get_instance()->create_participant(
-      static_cast<std::uint32_t>(domain), qos);
+  return factory->create_participant(static_cast<std::uint32_t>(domain), qos);
 }
 
 }  // namespace
