@@ -97,8 +97,8 @@ void GpioPanel::listen(Duration patience) noexcept {
   ears[0] = {wake_, POLLIN, 0};
   ears[1] = {hold_ ? hold_->event_fd() : -1, POLLIN, 0};
   ears[2] = {pulse_ ? pulse_->event_fd() : -1, POLLIN, 0};
-  const timespec limit{patience / std::chrono::seconds{1},
-                       (patience % std::chrono::seconds{1}).count()};
+  const timespec limit{static_cast<time_t>(patience / std::chrono::seconds{1}),
+                       static_cast<long>((patience % std::chrono::seconds{1}).count())};
   if (ppoll(ears.data(), ears.size(), &limit, nullptr) <= 0) return;
   if (ears[0].revents != 0) {
     std::uint64_t ignored = 0;

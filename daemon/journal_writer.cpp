@@ -207,7 +207,8 @@ void JournalWriter::loop() noexcept {
     const bool stopping = stop_;
     const bool full = take();
     const Instant now = clock_.now();
-    const std::size_t pages = journal::pages_of(turn_.payload_bytes()) * journal::kPageBytes;
+    const auto pages =
+        static_cast<std::size_t>(journal::pages_of(turn_.payload_bytes()) * journal::kPageBytes);
     look_for_file(now);
     const bool due = full || hurry_ || stopping || removed_ || budget_.allows(pages, now);
     if (!turn_.empty() && due && (good_ || now >= retry_at_ || stopping)) write(now);
@@ -234,7 +235,7 @@ void JournalWriter::write(Instant now) noexcept {
   if (!good_) log_info("the journal can be written again");
   good_ = true;
   safe_ends_ = ends;
-  budget_.wrote(store_.bytes_written() - store_.bytes_carried() - before);
+  budget_.wrote(static_cast<std::size_t>(store_.bytes_written() - store_.bytes_carried() - before));
   {
     const std::scoped_lock lock{mutex_};
     status_.record_bytes += std::exchange(news_, 0);

@@ -287,7 +287,7 @@ void RadioLink::charge_others(Instant now) noexcept {
   if (!WireMeter::available) return;
   const std::uint64_t bytes = WireMeter::bytes;
   if (bytes == metered_) return;
-  budget_.charge_others(bytes - metered_, now);
+  budget_.charge_others(static_cast<std::size_t>(bytes - metered_), now);
   wire_bytes_ += bytes - metered_;
   dds_bytes_ += bytes - metered_;
   metered_ = bytes;
@@ -302,7 +302,7 @@ void RadioLink::write(Traffic lane, std::span<const std::byte> frame, std::size_
     bytes = WireMeter::bytes - metered_;
     metered_ += bytes;
   }
-  budget_.charge(bytes, now);
+  budget_.charge(static_cast<std::size_t>(bytes), now);
   wire_bytes_ += bytes;
   lane_bytes_[static_cast<std::size_t>(lane)] += bytes;
 }

@@ -47,7 +47,8 @@ void append_tum(OutputFile& file, Stamp stamp, const Se3& T) noexcept {
 }
 
 std::vector<FrameRecord> read_frames(const std::filesystem::path& path) {
-  std::vector<FrameRecord> frames(std::filesystem::file_size(path) / sizeof(FrameRecord));
+  std::vector<FrameRecord> frames(
+      static_cast<std::size_t>(std::filesystem::file_size(path) / sizeof(FrameRecord)));
   std::ifstream file{path, std::ios::binary};
   file.read(reinterpret_cast<char*>(frames.data()),
             static_cast<std::streamsize>(frames.size() * sizeof(FrameRecord)));

@@ -170,14 +170,15 @@ void check_memory(std::vector<CheckResult>& results, const Config& config) {
     return;
   }
   const std::size_t need = unit_memory_bytes(*ledger);
-  const auto there = static_cast<std::size_t>(sysconf(_SC_PHYS_PAGES)) *
-                     static_cast<std::size_t>(sysconf(_SC_PAGESIZE));
+  // A 32-bit system's size_t would not hold 4 GiB.
+  const auto there = static_cast<std::uint64_t>(sysconf(_SC_PHYS_PAGES)) *
+                     static_cast<std::uint64_t>(sysconf(_SC_PAGESIZE));
   const auto group = cgroup_memory_limit();
   const std::string detail =
       fmt::format("needs {:.1f} MiB of {:.0f} MiB{}", static_cast<double>(need) / kMiB,
                   static_cast<double>(there) / kMiB,
                   group ? fmt::format(", limited to {}", amount(*group)) : "");
-  const std::size_t least = group ? std::min<std::size_t>(there, *group) : there;
+  const std::uint64_t least = group ? std::min(there, *group) : there;
   if (need > least) {
     results.push_back({"memory", Result::kFail, detail,
                        "lower [limits] (mapletd --print-memory), or raise MemoryMax"});

@@ -45,7 +45,7 @@ void PulseClock::pulse(Instant at) noexcept {
 }
 
 void PulseClock::fit() noexcept {
-  const std::size_t n = std::min<std::uint64_t>(count_, kWindow);
+  const auto n = static_cast<std::size_t>(std::min<std::uint64_t>(count_, kWindow));
   double mean_x = 0.0, mean_y = 0.0;
   for (std::size_t i = 0; i < n; ++i) {
     mean_x += static_cast<double>(pulses_[i].second);

@@ -139,7 +139,7 @@ tl::expected<std::string, std::string> read_text(const std::filesystem::path& fi
   const auto size = std::filesystem::file_size(file, error);
   if (error) return problem(error.message());
   if (size > max_bytes) return problem(fmt::format("larger than {} bytes", max_bytes));
-  text.resize(size);
+  text.resize(static_cast<std::size_t>(size));
   in.read(text.data(), static_cast<std::streamsize>(size));
   if (in.bad()) return problem("cannot be read");
   text.resize(static_cast<std::size_t>(in.gcount()));

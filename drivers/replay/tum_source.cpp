@@ -142,7 +142,7 @@ tl::expected<void, std::string> TumSource::read_list(const TumSelection& selecti
                                images.size(), selection.first)};
   }
   for (std::uint64_t i = selection.first; i < images.size() && entries_.size() < selection.count;) {
-    const ListedImage& image = images[i];
+    const ListedImage& image = images[static_cast<std::size_t>(i)];
     Entry entry;
     entry.line = image.line;
     if (image.stamp) {

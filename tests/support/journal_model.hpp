@@ -22,7 +22,8 @@ class ModelFile final : public journal::BlockFile {
 
   std::size_t read(std::uint64_t at, std::span<std::byte> out) noexcept override {
     if (at >= now_.size()) return 0;
-    const std::size_t count = std::min<std::size_t>(out.size(), now_.size() - at);
+    const std::size_t count =
+        static_cast<std::size_t>(std::min<std::uint64_t>(out.size(), now_.size() - at));
     std::memcpy(out.data(), now_.data() + at, count);
     return count;
   }
@@ -52,7 +53,7 @@ class ModelFile final : public journal::BlockFile {
     std::vector<std::byte> disk = safe_;
     for (const auto& [at, bytes] : writes_) {
       std::memcpy(disk.data() + at, bytes.data(), bytes.size());
-      for (std::size_t s = at / kSector; s * kSector < at + bytes.size(); ++s) {
+      for (auto s = static_cast<std::size_t>(at / kSector); s * kSector < at + bytes.size(); ++s) {
         const auto first = disk.begin() + static_cast<std::ptrdiff_t>(s * kSector);
         states[s].emplace_back(first, first + kSector);
       }

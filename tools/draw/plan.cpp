@@ -190,7 +190,7 @@ void add_walls(const std::vector<Surface>& page, Plan& plan) {
   PlanCounts counts;
   counts.maplet_bytes = counts.point_cloud_bytes = 0.0;
   for (const Run& run : runs) {
-    counts.frames += run.counts.frames.value_or(run.trajectory.size());
+    counts.frames += static_cast<std::size_t>(run.counts.frames.value_or(run.trajectory.size()));
     counts.maplets += std::max(run.maplets.size(), run.nodes.size());
     counts.closures +=
         static_cast<std::size_t>(std::ranges::count_if(run.edges, &files::RunEdge::closure));

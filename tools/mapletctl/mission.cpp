@@ -84,7 +84,7 @@ void list(const Options& options) {
              json["records"]["delta_poses"].get<std::int64_t>(),
              json["records"]["closures"].get<std::int64_t>(), json["heard"].get<std::int64_t>());
   for (const journal::Part& part : mission.parts) {
-    const std::time_t at = part.started_s;
+    const auto at = static_cast<std::time_t>(part.started_s);
     char text[32] = "";
     std::strftime(text, sizeof text, "%Y-%m-%d %H:%M:%S", std::gmtime(&at));
     fmt::print("  started {} UTC at maplet {}\n", text, part.first_maplet);

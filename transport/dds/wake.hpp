@@ -21,8 +21,8 @@ class Wake {
     timespec until{};
     clock_gettime(CLOCK_MONOTONIC, &until);
     const auto ns = until.tv_nsec + limit.count();
-    until.tv_sec += ns / 1'000'000'000;
-    until.tv_nsec = ns % 1'000'000'000;
+    until.tv_sec += static_cast<time_t>(ns / 1'000'000'000);
+    until.tv_nsec = static_cast<long>(ns % 1'000'000'000);
     (void)sem_clockwait(&semaphore_, CLOCK_MONOTONIC, &until);
   }
 

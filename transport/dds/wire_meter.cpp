@@ -17,16 +17,20 @@ class Window {
   bool add(std::size_t bytes, std::uint64_t most, Instant now) noexcept {
     const std::scoped_lock lock{mutex_};
     const auto bin = static_cast<std::uint64_t>(now.time_since_epoch() / kBin);
-    for (; bin_ < bin && bin - bin_ <= kBins; ++bin_) bins_[(bin_ + 1) % kBins] = 0;
+    for (; bin_ < bin && bin - bin_ <= kBins; ++bin_) at(bin_ + 1) = 0;
     if (bin_ < bin) bins_ = {};
     bin_ = std::max(bin_, bin);
     const std::uint64_t sent = std::accumulate(bins_.begin(), bins_.end(), std::uint64_t{0});
     if (most > 0 && sent + bytes > most) return false;
-    bins_[bin_ % kBins] += bytes;
+    at(bin_) += bytes;
     return true;
   }
 
  private:
+  std::uint64_t& at(std::uint64_t bin) noexcept {
+    return bins_[static_cast<std::size_t>(bin % kBins)];
+  }
+
   static constexpr Duration kBin = std::chrono::milliseconds{250};
   static constexpr std::size_t kBins = static_cast<std::size_t>(WireMeter::kWindow / kBin) + 1;
 

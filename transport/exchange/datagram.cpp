@@ -78,7 +78,7 @@ bool DatagramReader::next(Entry& entry) noexcept {
   const std::uint64_t length = in_.varint();
   broken_ = !in_.ok() || length > in_.left();
   if (broken_) return false;
-  entry.body = in_.bytes(length);
+  entry.body = in_.bytes(static_cast<std::size_t>(length));
   return true;
 }
 

@@ -146,7 +146,8 @@ TEST_F(Flights, EndsWhereABlockIsDamaged) {
   for (std::uint64_t at = 64; at < size; at += 61) {
     const std::string whole = read_bytes(path());
     std::string bytes = whole;
-    bytes[at] = static_cast<char>(bytes[at] ^ 0x10);
+    const auto flipped = static_cast<std::size_t>(at);
+    bytes[flipped] = static_cast<char>(bytes[flipped] ^ 0x10);
     write_bytes(path(), bytes);
     if (auto reader = flight::RingReader::open(path())) {
       FlightLog log;

@@ -145,13 +145,16 @@ std::vector<DeltaPose> records() {
   std::mt19937 random{4};
   std::normal_distribution<double> noise{0.0, 0.01};
   for (const std::uint16_t agent : {std::uint16_t{1}, std::uint16_t{2}, std::uint16_t{3}})
-    for (std::uint32_t i = 0; i < 12; ++i)
-      out.push_back(delta(key(agent, i), key(agent, i + 1), 1.0 + noise(random), noise(random),
-                          0.3 + noise(random)));
-  for (const std::uint32_t i : {2u, 6u, 9u})
-    out.push_back(closure(key(1, i), key(2, i), noise(random), noise(random)));
-  for (const std::uint32_t i : {3u, 5u, 8u})
-    out.push_back(closure(key(2, i), key(3, i), noise(random), noise(random)));
+    for (std::uint32_t i = 0; i < 12; ++i) {
+      const std::array<double, 3> off{noise(random), noise(random), noise(random)};
+      out.push_back(delta(key(agent, i), key(agent, i + 1), 1.0 + off[2], off[1], 0.3 + off[0]));
+    }
+  const auto meet = [&](std::uint16_t a, std::uint16_t b, std::uint32_t i) {
+    const std::array<double, 2> off{noise(random), noise(random)};
+    out.push_back(closure(key(a, i), key(b, i), off[1], off[0]));
+  };
+  for (const std::uint32_t i : {2u, 6u, 9u}) meet(1, 2, i);
+  for (const std::uint32_t i : {3u, 5u, 8u}) meet(2, 3, i);
   out.push_back(closure(key(1, 1), key(3, 8), 3.0, -2.0, 1.0));
   out.push_back(closure(key(1, 4), key(3, 10), -4.0, 7.0, 2.0));
   return out;

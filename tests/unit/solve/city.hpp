@@ -40,10 +40,11 @@ inline GraphFile city(int poses, int size, double sigma, unsigned seed) {
     const double turn = walk[a].heading * M_PI / 2.0;
     const double dx = walk[b].x - walk[a].x;
     const double dy = walk[b].y - walk[a].y;
-    graph.edges.push_back(planar_edge(
-        a, b, std::cos(turn) * dx + std::sin(turn) * dy + noise(random),
-        std::cos(turn) * dy - std::sin(turn) * dx + noise(random),
-        (walk[b].heading - walk[a].heading) * M_PI / 2.0 + noise(random), 1.0 / (sigma * sigma)));
+    const std::array<double, 3> off{noise(random), noise(random), noise(random)};
+    graph.edges.push_back(planar_edge(a, b, std::cos(turn) * dx + std::sin(turn) * dy + off[2],
+                                      std::cos(turn) * dy - std::sin(turn) * dx + off[1],
+                                      (walk[b].heading - walk[a].heading) * M_PI / 2.0 + off[0],
+                                      1.0 / (sigma * sigma)));
   };
   been[{0, 0}].push_back(0);
   for (int i = 1; i < poses; ++i) {
