@@ -1,10 +1,6 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 // mapletd: depth frames in; track, maplets, delta-poses and skeleton out.
 #include <fmt/format.h>
-#if defined(__arm__)
-#include <asm/hwcap.h>
-#include <sys/auxv.h>
-#endif
 
 #include <cstdio>
 #include <exception>
@@ -95,12 +91,6 @@ int run(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
-#if defined(__arm__)
-  if ((getauxval(AT_HWCAP) & HWCAP_NEON) == 0) {
-    std::fputs("mapletd: this processor has no NEON, which the 32-bit ARM build needs\n", stderr);
-    return kExitFailure;
-  }
-#endif
   try {
     return run(argc, argv);
   } catch (const maplet::ArenaExhausted& e) {
