@@ -16,6 +16,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr std::int64_t kSoon_s = 7 * 86400;  // keys that end within are warned of
+constexpr Duration kIntroduction = std::chrono::seconds{20};
 constexpr Duration kSeldom = std::chrono::hours{1};
 
 std::int64_t wall_clock_s() noexcept { return std::time(nullptr); }
@@ -41,20 +42,21 @@ nlohmann::ordered_json security_json(const SecurityStatus& status) {
     refused[std::string{to_string(static_cast<Refusal>(i))}] = status.counters.refused[i];
   }
   refused["by_dds"] = status.refused_by_dds;
-  return {{"mode", "on"},
-          {"state", kStates[static_cast<std::size_t>(status.state)]},
-          {"generation", status.generation},
-          {"not_before", utc(status.validity.not_before_s)},
-          {"not_after", utc(status.validity.not_after_s)},
-          {"revoked", std::vector<std::uint16_t>(status.revoked.begin(), status.revoked.end())},
-          {"sealed", status.counters.sealed},
-          {"opened", status.counters.opened},
-          {"proven", status.proven},
-          {"talk_sent", status.counters.talk_sent},
-          {"notices_sent", status.notices_sent},
-          {"refused", refused},
-          {"refused_in_all", status.counters.all_refused() + status.refused_by_dds},
-          {"last_refused_agent", status.counters.last_agent}};
+  return {
+      {"mode", "on"},
+      {"state", kStates[static_cast<std::size_t>(status.state)]},
+      {"generation", status.generation},
+      {"not_before", utc(status.validity.not_before_s)},
+      {"not_after", utc(status.validity.not_after_s)},
+      {"revoked", std::vector<std::uint16_t>(status.revoked.begin(), status.revoked.end())},
+      {"sealed", status.counters.sealed},
+      {"opened", status.counters.opened},
+      {"proven", status.proven},
+      {"talk_sent", status.counters.talk_sent},
+      {"notices_sent", status.notices_sent},
+      {"refused", refused},
+      {"refused_in_all", status.counters.all_refused() + status.refused_by_dds},
+      {"last_refused_agent", status.counters.all_refused() > 0 ? status.counters.last_agent : -1}};
 }
 
 LinkSecurity::LinkSecurity(const Config& config, const std::optional<SecuritySetup>& setup,
@@ -168,11 +170,17 @@ void LinkSecurity::say_state() {
   }
 }
 
-// Once at once, then ever more seldom while it goes on.
+// Once soon, then ever more seldom while it goes on. Not at once: the first frames of a friend are
+// taken off again.
 void LinkSecurity::say_refused(Instant now) {
   const SecurityStatus status = this->status();
   const std::uint64_t all = status.counters.all_refused();
-  if (all <= said_refused_ || now < say_at_) return;
+  if (all <= said_refused_) {
+    refused_since_.reset();
+    return;
+  }
+  if (!refused_since_) refused_since_ = now;
+  if (now - *refused_since_ < kIntroduction || now < say_at_) return;
   if (now - say_at_ > kSeldom) say_every_ = std::chrono::seconds{10};
   const int agent = status.counters.last_agent;
   log_warning(fmt::format("security: {} frames were refused ({}){}", all,

@@ -74,6 +74,7 @@ class LinkSecurity {
   bool said_soon_ = false;
   std::uint32_t said_generation_ = 0;
   std::uint64_t said_refused_ = 0;
+  std::optional<Instant> refused_since_;
   Instant say_at_{};
   Duration say_every_ = std::chrono::seconds{10};
 };

@@ -205,7 +205,7 @@ void show(const Options& options) {
     fmt::print("{}\n", json.dump());
     return;
   }
-  fmt::print("{} {} of team {}: generation {}, {}, {} .. {}\n", json["kind"].get<std::string>(),
+  fmt::print("{} {}: team {}, generation {}, {}, {} .. {}\n", json["kind"].get<std::string>(),
              json.contains("agent") ? std::to_string(json["agent"].get<int>()) : path,
              json["team"].get<std::string>(), json["generation"].get<std::uint32_t>(),
              json["state"].get<std::string>(), json["not_before"].get<std::string>(),

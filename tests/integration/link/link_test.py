@@ -91,11 +91,15 @@ class Agent:
 class Link(unittest.TestCase):
     def setUp(self):
         self.folder = tempfile.mkdtemp(prefix="maplet-link-")
+        self.sealed = False
 
     def agents(self, lab, frames, *settings, frames_of=None):
         frames_of = frames_of or {}
-        made = [Agent(n, self.folder, frames_of.get(n.number, frames), *settings)
-                for n in lab.namespaces]
+        made = []
+        for n in lab.namespaces:
+            keys = ("security.mode=sealed", f"security.keys={self.folder}/team/agent-{n.number}")
+            made.append(Agent(n, self.folder, frames_of.get(n.number, frames), *settings,
+                              *(keys if self.sealed else ())))
         self.addCleanup(lambda: [a.process.poll() is None and a.kill() for a in made])
         return made
 
@@ -213,6 +217,21 @@ class Link(unittest.TestCase):
         self.assertLessEqual(restored, 5.0)
         self.assertLessEqual(max(idle), 20.0)
         self.assertLessEqual(max(worst), 1.05 * budget)
+
+    def seal(self):
+        """From now on each datagram is sealed; the bars are the same."""
+        for words in (["init"], ["agent", "1"], ["agent", "2"], ["agent", "3"]):
+            subprocess.run([BIN / "mapletctl", "keys", *words, "--team", f"{self.folder}/team"],
+                           check=True, stdout=subprocess.DEVNULL)
+        self.sealed = True
+
+    def test_wifi_64_kbit_sealed(self):
+        self.seal()
+        self.test_wifi_64_kbit_with_30_percent_loss()
+
+    def test_radio_9600_bit_sealed(self):
+        self.seal()
+        self.test_radio_9600_bit_with_10_percent_loss()
 
     def test_radio_9600_bit_with_10_percent_loss(self):
         budget = 300
