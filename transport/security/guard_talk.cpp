@@ -16,16 +16,20 @@ constexpr Duration kSoon = std::chrono::milliseconds{50};
 constexpr Duration kMostPatience = std::chrono::seconds{60};
 constexpr Duration kChallengeAge = std::chrono::seconds{60};
 constexpr std::size_t kMostProofs = 32;
+constexpr int kEager = 3;  // questions and answers that are lost, before they become seldom
 
 }  // namespace
 
 void Guard::ask(Session& session, Instant now) noexcept {
   if (session.patience == Duration{}) {
-    session.patience = config_.quick;
+    session.patience = config_.quick / 2;
+    session.questions = 0;
     session.ask_at = now + kSoon + jitter(config_.quick / 8);
   } else if (session.ask_at == Instant::max()) {  // asked, and still unproven
     session.ask_at = now + session.patience;
-    session.patience = std::min(2 * session.patience, kMostPatience);
+    if (++session.questions >= kEager) {
+      session.patience = std::min(2 * session.patience, kMostPatience);
+    }
   }
 }
 
@@ -68,8 +72,9 @@ std::span<const std::byte> Guard::write_talk(Instant now) noexcept {
       out.fixed(session.agent, 2);
       out.fixed(session.challenge, 8);
       session.asks = false;
-      session.answer_at = now + config_.quick / 2 * (1 << session.answers);  // not sooner again
-      session.answers = std::min(session.answers + 1, 6);
+      const int seldom = std::max(0, session.answers - kEager);
+      session.answer_at = now + config_.quick / 2 * (1 << seldom);  // not sooner again
+      session.answers = std::min(session.answers + 1, kEager + 6);
       ++proofs;
     }
     if (session.state == Session::State::kUnproven && session.ask_at != Instant::max() &&

@@ -26,6 +26,7 @@ struct Session {
   Instant heard{};
   Instant ask_at{};  ///< unproven: when it is asked (again)
   Duration patience{};
+  int questions = 0;  ///< that it was asked in one go
   bool asks = false;  ///< it wants a proof of us
   std::uint64_t challenge = 0;
   Instant answer_at{};
