@@ -42,18 +42,21 @@ int fdatasync(int fd) {
   return real(fd);
 }
 
+// With 64-bit offsets on 32 bits pwrite is pwrite64, fallocate fallocate64.
 ssize_t pwrite(int fd, const void* bytes, size_t count, off_t at) {
-  static const auto real = next<ssize_t (*)(int, const void*, size_t, off_t)>("pwrite");
+  static const auto real = next<ssize_t (*)(int, const void*, size_t, off_t)>("pwrite64");
   if ((errno = refused(mood())) != 0) return -1;
   return real(fd, bytes, count, at);
 }
 
+#if __SIZEOF_POINTER__ == 8
 ssize_t pwrite64(int fd, const void* bytes, size_t count, off64_t at) {
   return pwrite(fd, bytes, count, at);
 }
+#endif
 
 int fallocate(int fd, int mode, off_t at, off_t bytes) {
-  static const auto real = next<int (*)(int, int, off_t, off_t)>("fallocate");
+  static const auto real = next<int (*)(int, int, off_t, off_t)>("fallocate64");
   if ((errno = refused(mood())) != 0) return -1;
   return real(fd, mode, at, bytes);
 }
