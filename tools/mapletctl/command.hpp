@@ -37,6 +37,7 @@ void add_register(Command app);
 void add_show(Command app);
 void add_simulate(Command app);
 void add_solve(Command app);
+void add_swarm(Command app);
 void add_top(Command app);
 void add_version(Command app);
 void add_watch(Command app);

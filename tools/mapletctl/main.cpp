@@ -44,6 +44,7 @@ int main(int argc, char** argv) {
           add_show(app);
           add_simulate(app);
           add_solve(app);
+          add_swarm(app);
           add_top(app);
           add_version(app);
           add_watch(app);
