@@ -153,6 +153,9 @@ void add_swarm(Command app) {
   c.add_option("--loss", s.loss, "Share of datagrams that a receiver loses")
       .show_default()
       .range(0.0, 0.95);
+  c.add_option("--lease", s.lease_s, "s for which those who are gone are still talked to")
+      .show_default()
+      .range(0.0, 3600.0);
   c.add_option("--solve", s.solve, "Agents drawn by seed that compute their skeletons")
       .show_default()
       .range(0, 1000);

@@ -12,7 +12,6 @@ namespace {
 
 constexpr Duration kTick = std::chrono::milliseconds{25};  // mapletd's radio thread naps as long
 constexpr Duration kDelay = kTick;                         // of a datagram
-constexpr double kLease_s = 300.0;    // DDS takes who is gone for present so long
 constexpr double kSight_m = 3.0;      // two maplets' origins: a place seen again
 constexpr double kRecognised = 0.3;   // of those places
 constexpr int kOwnApart = 4;          // maplets, until an own place is old
@@ -148,7 +147,7 @@ void Swarm::meet() {
   paths_.advance(time_s_);
   contacts_.advance(time_s_, paths_);
   for (int a = 0; a < config_.agents; ++a) {
-    for (const int b : contacts_.of(a)) met_[a][b] = time_s_ + kLease_s;
+    for (const int b : contacts_.of(a)) met_[a][b] = time_s_ + 1.0 + config_.lease_s;
     listeners_[a] = static_cast<std::size_t>(
         std::ranges::count_if(met_[a], [&](double until) { return until > time_s_; }));
   }
@@ -214,6 +213,7 @@ SwarmResult Swarm::run(const std::function<void(double)>& progress) {
     }
     send();
   }
+  result.agents = config_.agents;
   result.converged = same();
   result.records = made_.size();
   result.digest = members_[0]->node().ledger().records_digest();

@@ -25,6 +25,7 @@ struct Solved {
 };
 
 struct SwarmResult {
+  int agents = 0;
   bool converged = false;      ///< all hold the same records at the end
   std::uint64_t records = 0;   ///< made
   std::uint64_t digest = 0;    ///< of the first agent's records
@@ -41,7 +42,8 @@ struct SwarmResult {
   std::vector<Solved> solved;
 
   [[nodiscard]] double bytes_per_record() const {
-    return received == 0 ? 0.0 : static_cast<double>(bytes) / static_cast<double>(received);
+    const double all = static_cast<double>(records) * agents;
+    return records == 0 ? 0.0 : static_cast<double>(bytes) / all;
   }
 };
 

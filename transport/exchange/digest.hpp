@@ -15,7 +15,7 @@ namespace maplet {
 /// What two ledgers differ in, as far as one digest tells. What does not fit is left out: the next
 /// digest tells it again.
 struct Difference {
-  static constexpr std::size_t kMax = 64;
+  static constexpr std::size_t kMax = 256;
   using Ranges = StaticVector<KeyRange, kMax>;
 
   Ranges i_lack;         ///< the peer holds it: to request

@@ -13,6 +13,7 @@ constexpr Duration kAlive = std::chrono::seconds{600};  // and then gone
 constexpr Duration kThere = std::chrono::seconds{10};   // a peer that hears us, most likely
 constexpr Duration kHeard = std::chrono::seconds{3};    // a peer that hears our digests now
 constexpr int kRepeats = 2;
+constexpr int kMostFlow = 10;  // of the quick intervals: then all is told, whatever flows
 
 MapletTrade::Config trade_config(const SyncConfig& config, const LinkProfile& profile,
                                  std::size_t maplet_bytes) noexcept {
@@ -138,6 +139,28 @@ bool ExchangeNode::somebody_away(Instant now) const noexcept {
 bool ExchangeNode::recently_heard(const Life& life, Instant now) const noexcept {
   return std::ranges::any_of(peers_.all(), [&](const Peer& peer) {
     return peer.life == life && !peer.superseded && now - peer.last_heard < kHeard;
+  });
+}
+
+bool ExchangeNode::alone_with(const Peer& peer, Instant now) const noexcept {
+  return std::ranges::none_of(peers_.all(), [&](const Peer& other) {
+    return &other != &peer && !other.superseded && now - other.last_heard < kThere;
+  });
+}
+
+// While they do, a digest would be out of date before it is read; their datagrams carry our word.
+bool ExchangeNode::records_flow(Instant now) const noexcept {
+  if (now - said_at_ > kMostFlow * profile_.quick) return false;
+  return now - flow_at_ < profile_.quick / 2 ||
+         std::ranges::any_of(owed_, [](const Ranges& owed) { return !owed.empty(); });
+}
+
+// Whoever is not there needs none; whose word is older than our own may hold the same by now.
+bool ExchangeNode::digest_wanted(Instant now) const noexcept {
+  const bool overdue = now - digest_at_ > kMostFlow / 2 * profile_.quick;
+  return std::ranges::any_of(peers_.all(), [&](const Peer& peer) {
+    return !peer.superseded && now - peer.last_heard < kThere && !in_sync(peer) &&
+           (overdue || peer.word_at >= changed_at_);
   });
 }
 

@@ -126,7 +126,7 @@ class ExchangeNode {
     Instant due{};
     int left = 0;
   };
-  using Ranges = StaticVector<KeyRange, 64>;
+  using Ranges = StaticVector<KeyRange, 256>;
 
   /// An own record that was made in this run, not before.
   [[nodiscard]] bool is_new_own(const Life& life, Stream stream, std::uint32_t seq) const noexcept {
@@ -168,6 +168,9 @@ class ExchangeNode {
   [[nodiscard]] bool requests_due(Instant now) const noexcept;
   [[nodiscard]] bool all_in_sync(Instant now) const noexcept;
   [[nodiscard]] bool recent_peer_behind(Instant now, Duration age) const noexcept;
+  [[nodiscard]] bool alone_with(const Peer& peer, Instant now) const noexcept;
+  [[nodiscard]] bool records_flow(Instant now) const noexcept;
+  [[nodiscard]] bool digest_wanted(Instant now) const noexcept;
   [[nodiscard]] Duration interval(Instant now) noexcept;
   void say_by(Instant due) noexcept { say_at_ = std::min(say_at_, due); }
   [[nodiscard]] Duration jitter(Duration most) noexcept;
@@ -191,11 +194,13 @@ class ExchangeNode {
   Peers peers_;
   Scheduler scheduler_;
   std::array<Ranges, 3> owed_;  ///< records to send: delta-poses, closures, ranges
-  StaticVector<Want, 64> wants_;
+  StaticVector<Want, 256> wants_;
   StaticVector<Again, 16> again_;
   std::optional<Life> digest_after_;  ///< the digest goes on behind this life
   Instant say_at_{};                  ///< digest or beacon
   Instant said_at_{};
+  Instant digest_at_{};  ///< the last one
+  Instant flow_at_{};    ///< records came or went
   Instant woken_at_{};
   Instant maplets_from_{};  ///< somebody is heard again: maplets wait until then
   std::array<std::uint32_t, kStreams> restored_{};

@@ -21,7 +21,8 @@ struct Peer {
   Instant last_heard{};
   bool superseded = false;  ///< a later life of the same agent was heard
   bool has_word = false;
-  std::uint32_t word = 0;     ///< of its last beacon: what it holds
+  std::uint32_t word = 0;  ///< of its last beacon: what it holds
+  Instant word_at{};
   std::uint32_t records = 0;  ///< that it said it holds
   std::uint16_t next_count = 0;
   std::uint64_t datagrams = 0;

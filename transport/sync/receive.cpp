@@ -105,6 +105,7 @@ template <class Record>
 void ExchangeNode::take_record(const Record& record, RecordRing<Record>& ring, Peer& peer,
                                Instant now) noexcept {
   const Life life{record.key.agent, record.key.epoch};
+  flow_at_ = now;
   if (ledger_.contains(record.key)) {
     ++counters_.duplicates;
     const auto* slot = ring.find(record.key);
@@ -146,6 +147,7 @@ void ExchangeNode::take_beacon(std::span<const std::byte> body, Peer& peer, Inst
   const bool was_same = in_sync(peer);
   peer.has_word = true;
   peer.word = beacon->word;
+  peer.word_at = now;
   if (!beacon->brief) {
     peer.records = beacon->records;
     peer.last_clock = beacon->clock;
@@ -173,6 +175,7 @@ void ExchangeNode::take_digest(std::span<const std::byte> body, Peer& peer, Inst
     ++counters_.malformed;
     return;
   }
+  const bool alone = alone_with(peer, now);
   bool they_miss = false;
   for (const KeyRange& range : difference->i_lack) {
     if (is_new_own(range.life, range.stream, range.seqs.first)) continue;  // of a double; or forged
@@ -186,6 +189,8 @@ void ExchangeNode::take_digest(std::span<const std::byte> body, Peer& peer, Inst
     if (range.stream == Stream::kMaplets) continue;
     if (range.life == self_) {
       owe(range);  // nobody else volunteers
+    } else if (alone) {
+      owe(range);  // nobody else could
     } else {
       they_miss = true;
     }

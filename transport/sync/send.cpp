@@ -8,6 +8,7 @@ namespace maplet {
 namespace {
 
 constexpr int kMaxTries = 6;
+constexpr Duration kUnheard = std::chrono::seconds{10};  // nobody: no clocks to tell
 constexpr int kMaxSkips = 512;  // records no longer kept, looked up in one call
 
 }  // namespace
@@ -106,6 +107,7 @@ bool ExchangeNode::fill_records(DatagramWriter& out, RecordContext& context, Ran
       }
       context = after;
       slot->sent = now;
+      flow_at_ = now;
       any = true;
     }
     owed.erase(owed.begin());
@@ -118,9 +120,15 @@ bool ExchangeNode::fill_control(DatagramWriter& out, Instant now) noexcept {
   while (trade_.write_offer(out)) any = true;
   while (now >= maplets_from_ && trade_.write_request(out, taker_, now)) any = true;
   if (now < say_at_) return any;
-  const bool same = all_in_sync(now);
-  any = write_beacon(out, false, now) || any;
-  if (!same) any = write_digest_entry(out) || any;
+  if (records_flow(now)) {
+    say_at_ = now + profile_.quick / 4;
+    return any;
+  }
+  any = write_beacon(out, lonely(now, kUnheard), now) || any;
+  if (digest_after_ || digest_wanted(now)) {
+    any = write_digest_entry(out) || any;
+    digest_at_ = now;
+  }
   said_at_ = now;
   say_at_ = now + (digest_after_ ? profile_.quick / 4 : interval(now) + jitter(profile_.quick / 4));
   return any;
