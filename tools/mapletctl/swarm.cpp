@@ -22,12 +22,6 @@ struct Options {
 
 [[nodiscard]] std::string hex(std::uint64_t digest) { return fmt::format("{:016x}", digest); }
 
-[[nodiscard]] bool all_equal(const std::vector<swarm::Solved>& solved) {
-  for (const auto& s : solved)
-    if (s.poses_digest != solved.front().poses_digest) return false;
-  return true;
-}
-
 void explain(const swarm::SwarmConfig& config, const swarm::SwarmResult& r, double wall_s) {
   fmt::print("{} agents, {:g} minutes in {}, contacts {}, {} {:g} B/s, {:.0f} % lost\n",
              config.agents, config.minutes, config.world, config.contacts, config.profile,
@@ -55,7 +49,7 @@ void explain(const swarm::SwarmConfig& config, const swarm::SwarmResult& r, doub
         "{:.2f} s\n",
         s.agent, s.maplets, s.groups, s.closures_rejected, s.error_m, s.settle_s);
   if (r.solved.size() > 1)
-    fmt::print("skeletons    {}\n", all_equal(r.solved) ? "equal to the last bit" : "DIFFER");
+    fmt::print("skeletons    {}\n", r.skeletons_equal() ? "equal" : "DIFFER");
   fmt::print("took         {:.1f} s\n", wall_s);
 }
 
@@ -64,7 +58,8 @@ void explain(const swarm::SwarmConfig& config, const swarm::SwarmResult& r, doub
   Json solved = Json::array();
   for (const auto& s : r.solved)
     solved.push_back({{"agent", s.agent},
-                      {"poses_digest", hex(s.poses_digest)},
+                      {"apart_m", s.apart_m},
+                      {"same_verdicts", s.same_verdicts},
                       {"maplets", s.maplets},
                       {"groups", s.groups},
                       {"closures_rejected", s.closures_rejected},
@@ -86,7 +81,7 @@ void explain(const swarm::SwarmConfig& config, const swarm::SwarmResult& r, doub
           {"duplicates", r.duplicates},
           {"held_share", r.held_share},
           {"records_digest", hex(r.digest)},
-          {"skeletons_equal", all_equal(r.solved)},
+          {"skeletons_equal", r.skeletons_equal()},
           {"solved", solved},
           {"wall_s", wall_s}};
 }
@@ -113,7 +108,7 @@ void run(const Options& options) {
         fmt::format("the agents do not hold the same records after {:g} more minutes; "
                     "more meetings, a larger budget or --most-minutes would tell more",
                     options.swarm.most_minutes)};
-  if (!all_equal(result.solved)) throw Failure{"skeletons of the same records differ"};
+  if (!result.skeletons_equal()) throw Failure{"skeletons of the same records differ"};
 }
 
 }  // namespace

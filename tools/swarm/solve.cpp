@@ -2,35 +2,44 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <atomic>
-#include <bit>
 #include <chrono>
+#include <cmath>
 #include <map>
 #include <thread>
 
-#include "drivers/sim/random.hpp"
 #include "tools/swarm/swarm.hpp"
 
 namespace maplet::swarm {
 
 namespace {
 
-/// Order-free: agents number their nodes as records came.
-std::uint64_t digest_of(const Skeleton& skeleton) {
-  std::uint64_t digest = 0;
+/// What two skeletons are compared by, whatever order records came in.
+struct Outcome {
+  std::map<MapletKey, Eigen::Vector3d> places;
+  std::map<std::pair<MapletKey, MapletKey>, ClosureState> verdicts;
+};
+
+Outcome outcome_of(const Skeleton& skeleton) {
+  Outcome outcome;
   for (int i = 0; i < skeleton.node_count(); ++i) {
     const auto node = skeleton.node(i);
-    std::uint64_t h = hash_of(node.key) + 31 * hash_of(node.gauge);
-    for (const double v : node.T_world_maplet.t) h = sim::mix(h, std::bit_cast<std::uint64_t>(v));
-    for (const double v : node.T_world_maplet.q.coeffs())
-      h = sim::mix(h, std::bit_cast<std::uint64_t>(v));
-    digest += h;
+    outcome.places[node.key] = node.T_world_maplet.t;
   }
   for (int i = 0; i < skeleton.factor_count(); ++i) {
     const auto factor = skeleton.factor(i);
-    digest += sim::mix(hash_of(factor.a) + 3 * hash_of(factor.b),
-                       static_cast<std::uint64_t>(factor.verdict));
+    outcome.verdicts[{factor.a, factor.b}] = factor.verdict;
   }
-  return digest;
+  return outcome;
+}
+
+void compare(const Outcome& first, const Outcome& other, Solved& solved) {
+  solved.same_verdicts = other.verdicts == first.verdicts;
+  for (const auto& [key, place] : first.places) {
+    const auto found = other.places.find(key);
+    const double apart_m = found == other.places.end() ? INFINITY : (found->second - place).norm();
+    solved.apart_m = std::max(solved.apart_m, apart_m);
+  }
+  if (other.places.size() != first.places.size()) solved.apart_m = INFINITY;
 }
 
 /// Rms of a group against the truth, laid onto it as a rigid body.
@@ -61,7 +70,6 @@ Solved settle(int agent, Skeleton& skeleton, const std::function<Se3(const Maple
   const auto begin = std::chrono::steady_clock::now();
   (void)skeleton.settle(Deadline::never());
   solved.settle_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-  solved.poses_digest = digest_of(skeleton);
   solved.maplets = skeleton.node_count();
   std::map<MapletKey, int> groups;
   for (int i = 0; i < skeleton.node_count(); ++i) ++groups[skeleton.node(i).gauge];
@@ -94,6 +102,8 @@ std::vector<Solved> solve(std::vector<std::unique_ptr<Member>>& members,
   for (unsigned k = 1; k < std::thread::hardware_concurrency(); ++k) threads.emplace_back(work);
   work();
   threads.clear();
+  for (std::size_t i = 1; i < all.size(); ++i)
+    compare(outcome_of(*skeletons[0]), outcome_of(*skeletons[i]), all[i]);
   return all;
 }
 

@@ -1,6 +1,7 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -16,7 +17,8 @@ namespace maplet::swarm {
 /// What one agent made of all records.
 struct Solved {
   int agent = 0;
-  std::uint64_t poses_digest = 0;  ///< of all poses and verdicts, to the last bit
+  double apart_m = 0.0;       ///< from the first of them, the maplet that differs most
+  bool same_verdicts = true;  ///< on closures, as the first of them
   int maplets = 0;
   int closures_rejected = 0;
   int groups = 0;  ///< that nothing relates to each other
@@ -40,6 +42,13 @@ struct SwarmResult {
   std::size_t exchange_bytes = 0;   ///< memory of one agent, by its ledger
   std::size_t skeleton_bytes = 0;   ///< memory of one that solves
   std::vector<Solved> solved;
+
+  /// All believe the same closures, and their poses differ by less than settling iterates to.
+  [[nodiscard]] bool skeletons_equal() const {
+    return std::ranges::all_of(
+        solved, [](const Solved& s) { return s.same_verdicts && s.apart_m < kSame_m; });
+  }
+  static constexpr double kSame_m = 1e-6;
 
   [[nodiscard]] double bytes_per_record() const {
     const double all = static_cast<double>(records) * agents;

@@ -36,6 +36,9 @@ class ByteWriter {
     varint((static_cast<std::uint64_t>(value) << 1) ^ static_cast<std::uint64_t>(value >> 63));
   }
 
+  /// `count` bytes that somebody else wrote into the rest of the buffer. @pre count <= room()
+  void skip(std::size_t count) noexcept { at_ += count; }
+
   [[nodiscard]] bool ok() const noexcept { return ok_; }
   [[nodiscard]] std::size_t size() const noexcept { return at_; }
   [[nodiscard]] std::size_t room() const noexcept { return out_.size() - at_; }

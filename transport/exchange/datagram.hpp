@@ -16,7 +16,7 @@ enum class EntryKind : std::uint8_t {
   kDeltaPose = 1,      ///< record_codec.hpp
   kRange = 2,          ///< record_codec.hpp
   kBeacon = 3,         ///< sync/messages.hpp
-  kDigest = 4,         ///< digest.hpp
+  kDigest = 9,         ///< digest.hpp; 4 was an earlier one
   kRequest = 5,        ///< sync/messages.hpp
   kMapletOffer = 6,    ///< sync/messages.hpp
   kMapletRequest = 7,  ///< sync/messages.hpp

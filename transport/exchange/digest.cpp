@@ -9,10 +9,14 @@ namespace maplet {
 
 namespace {
 
-// A digest: flags, [life covered from], [life covered to], lives. A life: agent, epoch, mask of
-// streams, and for each of them: next, count of islands, islands as (gap, length).
+// A digest: flags, [life covered from], [life covered to], lives. A life: an octet (4 bits mask of
+// streams, 1 bit islands, 3 bits steps from the agent before; 7: a varint of them follows), epoch,
+// and for each stream: next, and with islands their count and each as (gap, length).
 constexpr std::uint64_t kHasFrom = 1;
 constexpr std::uint64_t kHasTo = 2;
+constexpr std::uint64_t kIslandsBit = 1U << kStreams;
+constexpr unsigned kStepShift = kStreams + 1;
+constexpr std::uint64_t kLongStep = 7;
 constexpr std::size_t kLifeBytes = 7;  // at most
 
 void write_life(ByteWriter& out, const Life& life) noexcept {
@@ -27,8 +31,9 @@ Life read_life(ByteReader& in) noexcept {
   return life;
 }
 
-void write_set(ByteWriter& out, const SeqSet& set) noexcept {
+void write_set(ByteWriter& out, const SeqSet& set, bool with_islands) noexcept {
   out.varint(set.next());
+  if (!with_islands) return;
   out.varint(set.islands().size());
   std::uint32_t at = set.next();
   for (const SeqRange& island : set.islands()) {
@@ -41,9 +46,9 @@ void write_set(ByteWriter& out, const SeqSet& set) noexcept {
 /// Ranges that a peer holds of one stream.
 using Held = StaticVector<SeqRange, SeqSet::kIslands + 1>;
 
-bool read_set(ByteReader& in, Held& held) noexcept {
+bool read_set(ByteReader& in, bool with_islands, Held& held) noexcept {
   const auto next = static_cast<std::uint32_t>(in.varint_to(SeqSet::kSeqEnd));
-  const auto islands = in.varint_to(SeqSet::kIslands);
+  const auto islands = with_islands ? in.varint_to(SeqSet::kIslands) : 0;
   if (next > 0) held.push_back({0, next});
   std::uint64_t at = next;
   for (std::uint64_t i = 0; i < islands && in.ok(); ++i) {
@@ -96,11 +101,11 @@ void they_know_nothing_of(Difference& difference, const Ledger& ledger,
   }
 }
 
-bool compare_life(ByteReader& in, const Life& life, Ledger& ledger, Difference& difference) {
-  const auto mask = in.varint_to((1U << kStreams) - 1);
+bool compare_life(ByteReader& in, std::uint64_t mask, const Life& life, Ledger& ledger,
+                  Difference& difference) {
   for (std::size_t stream = 0; stream < kStreams; ++stream) {
     Held held;
-    if ((mask >> stream & 1U) != 0 && !read_set(in, held)) return false;
+    if ((mask >> stream & 1U) != 0 && !read_set(in, (mask & kIslandsBit) != 0, held)) return false;
     const auto name = static_cast<Stream>(stream);
     if (!held.empty()) ledger.expect(life, name, held.back().end);
     const Ledger::Row* row = ledger.find(life);
@@ -125,6 +130,7 @@ std::optional<Life> write_digest(const Ledger& ledger, const std::optional<Life>
   if (out.size() <= head_room) return after;
   ByteWriter body{out.subspan(head_room)};
   std::optional<Life> last = after;
+  std::uint16_t agent = after ? after->agent : 0;
   bool all = true;
   for (const auto& row : ledger.rows()) {
     if (after && row.life <= *after) continue;
@@ -132,11 +138,14 @@ std::optional<Life> write_digest(const Ledger& ledger, const std::optional<Life>
     std::uint64_t mask = 0;
     for (std::size_t i = 0; i < kStreams; ++i) {
       if (row.held[i].end() > 0) mask |= std::uint64_t{1} << i;
+      if (!row.held[i].islands().empty()) mask |= kIslandsBit;
     }
-    write_life(body, row.life);
-    body.varint(mask);
+    const std::uint64_t step = row.life.agent - agent;
+    body.fixed(mask | std::min(step, kLongStep) << kStepShift, 1);
+    if (step >= kLongStep) body.varint(step);
+    body.fixed(row.life.epoch, 4);
     for (std::size_t i = 0; i < kStreams; ++i) {
-      if ((mask >> i & 1U) != 0) write_set(body, row.held[i]);
+      if ((mask >> i & 1U) != 0) write_set(body, row.held[i], (mask & kIslandsBit) != 0);
     }
     if (!body.ok()) {
       body.rewind(start);
@@ -144,6 +153,7 @@ std::optional<Life> write_digest(const Ledger& ledger, const std::optional<Life>
       break;
     }
     last = row.life;
+    agent = row.life.agent;
   }
   ByteWriter head{out.first(head_room)};
   head.varint((after ? kHasFrom : 0) | (all ? 0 : kHasTo));
@@ -164,13 +174,19 @@ Expected<Difference> read_digest(std::span<const std::byte> bytes, Ledger& ledge
   if ((flags & kHasFrom) != 0) before = read_life(in);
   if ((flags & kHasTo) != 0) to = read_life(in);
   if (!in.ok()) return fail(ErrorCode::kBadInput, "digest: its head is damaged");
+  std::uint64_t agent = before ? before->agent : 0;
   while (in.left() > 0) {
-    const Life life = read_life(in);
+    const std::uint64_t mask = in.fixed(1);
+    const std::uint64_t step = mask >> kStepShift;
+    agent += step < kLongStep ? step : in.varint_to(0xFFFF);
+    const auto epoch = static_cast<std::uint32_t>(in.fixed(4));
+    if (agent > 0xFFFF) return fail(ErrorCode::kBadInput, "digest: no such agent");
+    const Life life{static_cast<std::uint16_t>(agent), epoch};
     if (!in.ok() || (before && life <= *before) || (to && life > *to)) {
       return fail(ErrorCode::kBadInput, "digest: lives out of order");
     }
     they_know_nothing_of(difference, ledger, before, life, false);
-    if (!compare_life(in, life, ledger, difference)) {
+    if (!compare_life(in, mask, life, ledger, difference)) {
       return fail(ErrorCode::kBadInput, "digest: a life is damaged");
     }
     before = life;

@@ -118,6 +118,7 @@ void ExchangeNode::say_again(Instant now) noexcept {
 }
 
 void ExchangeNode::wake(Instant now) noexcept {
+  forget_owed();
   changed(now);
   woken_at_ = now;
   say_by(now + jitter(profile_.quick / 2));
@@ -142,6 +143,15 @@ bool ExchangeNode::recently_heard(const Life& life, Instant now) const noexcept 
   });
 }
 
+// What was asked for by those who are gone: who comes now says what they lack.
+void ExchangeNode::forget_owed() noexcept {
+  for (Ranges& owed : owed_) {
+    const auto end = std::remove_if(owed.begin(), owed.end(),
+                                    [&](const KeyRange& range) { return range.life != self_; });
+    owed.erase(end, owed.end());
+  }
+}
+
 bool ExchangeNode::alone_with(const Peer& peer, Instant now) const noexcept {
   return std::ranges::none_of(peers_.all(), [&](const Peer& other) {
     return &other != &peer && !other.superseded && now - other.last_heard < kThere;
@@ -157,10 +167,18 @@ bool ExchangeNode::records_flow(Instant now) const noexcept {
 
 // Whoever is not there needs none; whose word is older than our own may hold the same by now.
 bool ExchangeNode::digest_wanted(Instant now) const noexcept {
-  const bool overdue = now - digest_at_ > kMostFlow / 2 * profile_.quick;
+  if (small_digest()) return !all_in_sync(now);
+  const bool overdue = now - digest_at_ > 2 * profile_.quick;
+  const Instant calm_since = std::max(flow_at_, changed_at_) + profile_.quick / 8;
   return std::ranges::any_of(peers_.all(), [&](const Peer& peer) {
     return !peer.superseded && now - peer.last_heard < kThere && !in_sync(peer) &&
-           (overdue || peer.word_at >= changed_at_);
+           (overdue || peer.word_at > calm_since);
+  });
+}
+
+bool ExchangeNode::heard_within(std::uint16_t agent, Duration age, Instant now) const noexcept {
+  return std::ranges::any_of(peers_.all(), [&](const Peer& peer) {
+    return peer.life.agent == agent && !peer.superseded && now - peer.last_heard < age;
   });
 }
 
@@ -188,6 +206,12 @@ bool ExchangeNode::lonely(Instant now, Duration age) const noexcept {
 /// slower.
 Duration ExchangeNode::interval(Instant now) noexcept {
   const bool fresh = this->fresh(now);
+  // Those who are there hold the same; those who are not will call, too.
+  const bool company = !lonely(now, kThere) && !recent_peer_behind(now, kThere);
+  if (!small_digest() && company && recent_peer_behind(now, kAlive)) {
+    calm_ = std::min(2 * calm_, 8 * profile_.quick);
+    return calm_;
+  }
   if (fresh && recent_peer_behind(now, 4 * profile_.quick)) return profile_.quick / 2;
   if (fresh && recent_peer_behind(now, kNear)) return profile_.quick;
   if (fresh && recent_peer_behind(now, kAlive)) return 4 * profile_.quick;

@@ -120,6 +120,7 @@ class ExchangeNode {
     std::uint16_t holder = 0;
     Instant due{};
     int tries = 0;
+    bool unasked = false;  ///< the holder sends it of itself, if all goes well
   };
   struct Again {  // our own news: said anew until those who are heard confirm
     KeyRange range;
@@ -141,15 +142,19 @@ class ExchangeNode {
                    Instant now) noexcept;
   void take_beacon(std::span<const std::byte> body, Peer& peer, Instant now) noexcept;
   void take_digest(std::span<const std::byte> body, Peer& peer, Instant now) noexcept;
-  void take_request(std::span<const std::byte> body) noexcept;
+  void take_request(std::span<const std::byte> body, Instant now) noexcept;
+  /// What they lack and is not on its way to them. @param heard  our datagrams, up to this one
+  void owe_lost(const KeyRange& range, std::optional<std::uint16_t> heard, Instant now) noexcept;
   /// @param other_holder  asked when the first one does not answer
-  void want(const KeyRange& range, std::uint16_t holder, Instant due,
-            std::uint16_t other_holder) noexcept;
+  void want(const KeyRange& range, std::uint16_t holder, Instant due, std::uint16_t other_holder,
+            bool unasked = false) noexcept;
   [[nodiscard]] std::uint16_t author_or(const Life& author, const Peer& peer,
                                         Instant now) const noexcept;
   [[nodiscard]] bool recently_heard(const Life& life, Instant now) const noexcept;
+  [[nodiscard]] bool heard_within(std::uint16_t agent, Duration age, Instant now) const noexcept;
   void owe(const KeyRange& range) noexcept;
   void changed(Instant now) noexcept;
+  void forget_owed() noexcept;
 
   // send.cpp
   [[nodiscard]] Waiting waiting(Instant now, bool bulk) noexcept;
@@ -159,7 +164,11 @@ class ExchangeNode {
                     RecordRing<Record>& ring, Instant now) noexcept;
   bool fill_control(DatagramWriter& out, Instant now) noexcept;
   bool write_requests(DatagramWriter& out, Instant now) noexcept;
-  bool write_digest_entry(DatagramWriter& out) noexcept;
+  bool write_request(DatagramWriter& out, std::uint16_t holder, Instant now) noexcept;
+  [[nodiscard]] SeqRange still_missing(const KeyRange& range) const noexcept;
+  bool write_digest_entry(DatagramWriter& out, Instant now) noexcept;
+  void write_heard(ByteWriter& out, Instant now) const noexcept;
+  [[nodiscard]] std::uint16_t heard_of(std::uint16_t agent) const noexcept;
   bool write_beacon(DatagramWriter& out, bool brief, Instant now) noexcept;
 
   // node.cpp
@@ -171,6 +180,8 @@ class ExchangeNode {
   [[nodiscard]] bool alone_with(const Peer& peer, Instant now) const noexcept;
   [[nodiscard]] bool records_flow(Instant now) const noexcept;
   [[nodiscard]] bool digest_wanted(Instant now) const noexcept;
+  /// Of a few lives: no larger than what every datagram costs anyway.
+  [[nodiscard]] bool small_digest() const noexcept { return ledger_.rows().size() <= 8; }
   [[nodiscard]] Duration interval(Instant now) noexcept;
   void say_by(Instant due) noexcept { say_at_ = std::min(say_at_, due); }
   [[nodiscard]] Duration jitter(Duration most) noexcept;
@@ -200,7 +211,9 @@ class ExchangeNode {
   Instant say_at_{};                  ///< digest or beacon
   Instant said_at_{};
   Instant digest_at_{};  ///< the last one
-  Instant flow_at_{};    ///< records came or went
+  Instant full_beacon_at_{};
+  Instant flow_at_{};  ///< records came or went
+  Instant came_at_{};  ///< a record
   Instant woken_at_{};
   Instant maplets_from_{};  ///< somebody is heard again: maplets wait until then
   std::array<std::uint32_t, kStreams> restored_{};

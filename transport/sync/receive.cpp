@@ -9,6 +9,7 @@ namespace {
 
 constexpr Duration kSilence = std::chrono::seconds{6};  // after it a peer is heard "again"
 constexpr Duration kSoon = std::chrono::milliseconds{50};
+constexpr int kFlight = 4;  // of the quick intervals: what is not there by then is lost
 
 bool touch(const KeyRange& a, const KeyRange& b) noexcept {
   return a.life == b.life && a.stream == b.stream && a.seqs.first < b.seqs.end &&
@@ -39,6 +40,7 @@ void ExchangeNode::receive(std::span<const std::byte> bytes, Instant now) noexce
   if (head.sender.agent == self_.agent) peers_.note_conflict(self_.agent);
   const Peer* before = peers_.find(head.sender);
   const bool again = before == nullptr || now - before->last_heard > kSilence;
+  if (again && lonely(now, kSilence)) forget_owed();
   Peer& peer = peers_.heard(head, bytes.size(), now);
   if (again && !(in_sync(peer) && before != nullptr)) say_by(now + kSoon + jitter(kSoon * 4));
   if (again) maplets_from_ = now + 5 * profile_.quick;  // records first
@@ -75,7 +77,7 @@ void ExchangeNode::take_entry(const DatagramReader::Entry& entry, Peer& peer,
     case EntryKind::kDigest:
       return take_digest(entry.body, peer, now);
     case EntryKind::kRequest:
-      return take_request(entry.body);
+      return take_request(entry.body, now);
     case EntryKind::kMapletOffer:
       if (const auto offer = read_offer(entry.body)) {
         trade_.heard_offer(*offer, peer.life.agent, now);
@@ -105,7 +107,7 @@ template <class Record>
 void ExchangeNode::take_record(const Record& record, RecordRing<Record>& ring, Peer& peer,
                                Instant now) noexcept {
   const Life life{record.key.agent, record.key.epoch};
-  flow_at_ = now;
+  flow_at_ = came_at_ = now;
   if (ledger_.contains(record.key)) {
     ++counters_.duplicates;
     const auto* slot = ring.find(record.key);
@@ -170,27 +172,37 @@ void ExchangeNode::take_beacon(std::span<const std::byte> body, Peer& peer, Inst
 }
 
 void ExchangeNode::take_digest(std::span<const std::byte> body, Peer& peer, Instant now) noexcept {
-  const auto difference = read_digest(body, ledger_);
-  if (!difference) {
+  ByteReader in{body};
+  std::optional<std::uint16_t> heard;
+  const std::uint64_t there = in.fixed(1);
+  for (std::uint64_t count = there; count > 0 && in.ok(); --count) {
+    const std::uint64_t agent = in.varint_to(0xFFFF);
+    const auto next = static_cast<std::uint16_t>(in.fixed(2));
+    if (agent == self_.agent) heard = next;
+  }
+  const auto difference = read_digest(in.bytes(in.left()), ledger_);
+  if (!in.ok() || !difference) {
     ++counters_.malformed;
     return;
   }
-  const bool alone = alone_with(peer, now);
   bool they_miss = false;
+  const bool alone = alone_with(peer, now);  // as our own digest will tell it
   for (const KeyRange& range : difference->i_lack) {
     if (is_new_own(range.life, range.stream, range.seqs.first)) continue;  // of a double; or forged
     if (range.stream == Stream::kMaplets) {
       trade_.heard_holding(range, peer.life.agent, now);
     } else {
-      want(range, author_or(range.life, peer, now), now, peer.life.agent);
+      // Alone with us it sends all that we lack, once it has our digest.
+      want(range, author_or(range.life, peer, now), alone ? now + 2 * profile_.quick : now,
+           peer.life.agent, alone);
     }
   }
   for (const KeyRange& range : difference->they_lack) {
     if (range.stream == Stream::kMaplets) continue;
     if (range.life == self_) {
-      owe(range);  // nobody else volunteers
-    } else if (alone) {
-      owe(range);  // nobody else could
+      owe_lost(range, heard, now);  // nobody else volunteers
+    } else if (heard && there == 1) {
+      owe_lost(range, heard, now);  // nobody else could
     } else {
       they_miss = true;
     }
@@ -199,9 +211,10 @@ void ExchangeNode::take_digest(std::span<const std::byte> body, Peer& peer, Inst
   if (they_miss) say_by(std::max(now + kSoon + jitter(kSoon), said_at_ + profile_.quick / 2));
 }
 
-void ExchangeNode::take_request(std::span<const std::byte> body) noexcept {
+void ExchangeNode::take_request(std::span<const std::byte> body, Instant now) noexcept {
   ByteReader in{body};
   const auto holder = in.varint_to(0xFFFF);
+  const auto heard = static_cast<std::uint16_t>(in.fixed(2));
   const auto ranges = read_ranges(in.bytes(in.left()));
   if (!in.ok() || !ranges) {
     ++counters_.malformed;
@@ -214,7 +227,7 @@ void ExchangeNode::take_request(std::span<const std::byte> body) noexcept {
     row->held[static_cast<std::size_t>(range.stream)].held([&](const SeqRange& held) {
       const SeqRange both{std::max(held.first, range.seqs.first),
                           std::min(held.end, range.seqs.end)};
-      if (both.first < both.end) owe({range.life, range.stream, both});
+      if (both.first < both.end) owe_lost({range.life, range.stream, both}, heard, now);
     });
   }
 }
@@ -226,7 +239,7 @@ std::uint16_t ExchangeNode::author_or(const Life& author, const Peer& peer,
 }
 
 void ExchangeNode::want(const KeyRange& range, std::uint16_t holder, Instant due,
-                        std::uint16_t other_holder) noexcept {
+                        std::uint16_t other_holder, bool unasked) noexcept {
   for (Want& other : wants_) {
     if (!touch(other.range, range)) continue;
     if (other.tries >= 2) other.holder = other_holder;  // the first one does not answer
@@ -235,7 +248,7 @@ void ExchangeNode::want(const KeyRange& range, std::uint16_t holder, Instant due
     other.range.seqs.end = std::max(other.range.seqs.end, range.seqs.end);
     return;
   }
-  if (!full(wants_)) wants_.push_back({range, holder, due, 0});
+  if (!full(wants_)) wants_.push_back({range, holder, due, 0, unasked});
 }
 
 void ExchangeNode::owe(const KeyRange& range) noexcept {
@@ -248,6 +261,26 @@ void ExchangeNode::owe(const KeyRange& range) noexcept {
     return;
   }
   if (!full(owed)) owed.push_back(range);
+}
+
+void ExchangeNode::owe_lost(const KeyRange& range, std::optional<std::uint16_t> heard,
+                            Instant now) noexcept {
+  const auto on_its_way = [&](const auto* slot) {
+    return slot != nullptr && slot->sent != Instant{} &&
+           now - slot->sent < kFlight * profile_.quick &&
+           static_cast<std::int16_t>(slot->count - *heard) >= 0;
+  };
+  KeyRange lost = range;
+  for (std::uint32_t seq = range.seqs.first; heard && seq < range.seqs.end; ++seq) {
+    const RecordKey key{range.life.agent, range.life.epoch, range.stream, seq};
+    if (!(range.stream == Stream::kRanges ? on_its_way(ranges_.find(key))
+                                          : on_its_way(delta_poses_.find(key))))
+      continue;
+    lost.seqs.end = seq;
+    if (lost.seqs.first < seq) owe(lost);
+    lost.seqs = {seq + 1, range.seqs.end};
+  }
+  if (lost.seqs.first < lost.seqs.end) owe(lost);
 }
 
 void ExchangeNode::changed(Instant now) noexcept {

@@ -20,8 +20,9 @@ class RecordRing {
  public:
   struct Slot {
     Record record;
-    Instant sent{};          ///< last; the epoch of the clock: never
-    std::int32_t next = -1;  ///< in the bucket
+    Instant sent{};           ///< last; the epoch of the clock: never
+    std::int32_t next = -1;   ///< in the bucket
+    std::uint16_t count = 0;  ///< of the datagram that it was last sent in
   };
 
   RecordRing(std::size_t capacity, std::string_view component, Arena& arena)
@@ -37,7 +38,7 @@ class RecordRing {
     ++count_;
     Slot& slot = slots_[at];
     std::int32_t& bucket = buckets_[bucket_of(record.key)];
-    slot = {record, {}, bucket};
+    slot = {record, {}, bucket, 0};
     bucket = at;
     return slot;
   }

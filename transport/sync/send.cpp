@@ -8,7 +8,9 @@ namespace maplet {
 namespace {
 
 constexpr int kMaxTries = 6;
-constexpr Duration kUnheard = std::chrono::seconds{10};  // nobody: no clocks to tell
+constexpr std::size_t kMostHeard = 8;                   // are told of in a digest
+constexpr Duration kThere = std::chrono::seconds{10};   // a peer that hears us, most likely
+constexpr Duration kClocks = std::chrono::seconds{20};  // are told so often
 constexpr int kMaxSkips = 512;  // records no longer kept, looked up in one call
 
 }  // namespace
@@ -107,6 +109,7 @@ bool ExchangeNode::fill_records(DatagramWriter& out, RecordContext& context, Ran
       }
       context = after;
       slot->sent = now;
+      slot->count = count_;
       flow_at_ = now;
       any = true;
     }
@@ -120,13 +123,16 @@ bool ExchangeNode::fill_control(DatagramWriter& out, Instant now) noexcept {
   while (trade_.write_offer(out)) any = true;
   while (now >= maplets_from_ && trade_.write_request(out, taker_, now)) any = true;
   if (now < say_at_) return any;
-  if (records_flow(now)) {
+  if (!small_digest() && records_flow(now)) {
     say_at_ = now + profile_.quick / 4;
     return any;
   }
-  any = write_beacon(out, lonely(now, kUnheard), now) || any;
+  const bool told = full_beacon_at_ >= changed_at_ && now - full_beacon_at_ < kClocks;
+  const bool brief = lonely(now, kThere) || (told && !recent_peer_behind(now, kThere));
+  if (!brief) full_beacon_at_ = now;
+  any = write_beacon(out, brief, now) || any;
   if (digest_after_ || digest_wanted(now)) {
-    any = write_digest_entry(out) || any;
+    any = write_digest_entry(out, now) || any;
     digest_at_ = now;
   }
   said_at_ = now;
@@ -135,45 +141,91 @@ bool ExchangeNode::fill_control(DatagramWriter& out, Instant now) noexcept {
 }
 
 bool ExchangeNode::write_requests(DatagramWriter& out, Instant now) noexcept {
-  bool any = false;
   for (std::size_t i = 0; i < wants_.size();) {
     Want& want = wants_[i];
-    const Ledger::Row* row = ledger_.find(want.range.life);
-    SeqRange missing{want.range.seqs.end, want.range.seqs.end};
-    if (row != nullptr) {
-      row->held[static_cast<std::size_t>(want.range.stream)].missing(
-          want.range.seqs,
-          [&](const SeqRange& gap) { missing.first = std::min(missing.first, gap.first); });
-    }
+    const SeqRange missing = still_missing(want.range);
     if (missing.first > want.range.seqs.first) want.tries = 0;  // the holder answers
     want.range.seqs.first = missing.first;
-    if (missing.first >= missing.end || want.tries >= kMaxTries) {
+    const bool over = missing.first >= missing.end || want.tries >= kMaxTries;
+    if (over || !heard_within(want.holder, kThere, now)) {
       wants_.erase(wants_.begin() + static_cast<std::ptrdiff_t>(i));
-      continue;
+    } else {
+      ++i;
     }
-    if (now >= want.due) {
-      std::array<std::byte, 40> body;
-      ByteWriter writer{body};
-      writer.varint(want.holder);
-      std::size_t written = 0;
-      const std::size_t head = writer.size();
-      (void)write_ranges({&want.range, 1}, std::span{body}.subspan(head), written);
-      if (!out.add(EntryKind::kRequest, std::span{body}.first(head + written))) return any;
-      any = true;
-      want.due = now + profile_.again * (3 + want.tries) / 4 + jitter(profile_.quick / 4);
-      ++want.tries;
+  }
+  bool any = false;
+  const bool being_sent = now - came_at_ < profile_.quick;
+  for (Want& first : wants_) {
+    if (now < first.due) continue;
+    if (being_sent && first.unasked) {
+      first.due = now + profile_.quick;
+    } else {
+      any = write_request(out, first.holder, now) || any;
     }
-    ++i;
   }
   return any;
 }
 
-bool ExchangeNode::write_digest_entry(DatagramWriter& out) noexcept {
+// All that one holder is to be asked for now, as far as it fits.
+bool ExchangeNode::write_request(DatagramWriter& out, std::uint16_t holder, Instant now) noexcept {
+  std::array<std::byte, kMaxDatagramBytes> body;
+  ByteWriter writer{std::span{body}.first(std::min(out.room(), body.size()))};
+  writer.varint(holder);
+  writer.fixed(heard_of(holder), 2);
+  if (!writer.ok()) return false;
+  bool any = false;
+  for (Want& want : wants_) {
+    if (want.holder != holder || now < want.due) continue;
+    std::size_t written = 0;
+    if (write_ranges({&want.range, 1}, std::span{body}.subspan(writer.size(), writer.room()),
+                     written) == 0)
+      break;
+    writer.skip(written);
+    want.due = now + profile_.again * (3 + want.tries) / 4 + jitter(profile_.quick / 4);
+    ++want.tries;
+    any = true;
+  }
+  return any && out.add(EntryKind::kRequest, std::span{body}.first(writer.size()));
+}
+
+SeqRange ExchangeNode::still_missing(const KeyRange& range) const noexcept {
+  SeqRange missing{range.seqs.end, range.seqs.end};
+  if (const Ledger::Row* row = ledger_.find(range.life)) {
+    row->held[static_cast<std::size_t>(range.stream)].missing(range.seqs, [&](const SeqRange& gap) {
+      missing.first = std::min(missing.first, gap.first);
+    });
+  }
+  return missing;
+}
+
+// Up to which of their datagrams we heard those who are there: what they sent since is on its way.
+void ExchangeNode::write_heard(ByteWriter& out, Instant now) const noexcept {
+  StaticVector<const Peer*, kMostHeard> there;
+  for (const Peer& peer : peers_.all())
+    if (!full(there) && !peer.superseded && now - peer.last_heard < kThere) there.push_back(&peer);
+  out.fixed(there.size(), 1);
+  for (const Peer* peer : there) {
+    out.varint(peer->life.agent);
+    out.fixed(peer->next_count, 2);
+  }
+}
+
+std::uint16_t ExchangeNode::heard_of(std::uint16_t agent) const noexcept {
+  for (const Peer& peer : peers_.all())
+    if (peer.life.agent == agent && !peer.superseded) return peer.next_count;
+  return 0;
+}
+
+bool ExchangeNode::write_digest_entry(DatagramWriter& out, Instant now) noexcept {
   std::array<std::byte, kMaxDatagramBytes> body;
   std::size_t written = 0;
-  const std::size_t room = std::min(out.room(), body.size());
-  digest_after_ = write_digest(ledger_, digest_after_, std::span{body}.first(room), written);
-  return written > 0 && out.add(EntryKind::kDigest, std::span{body}.first(written));
+  ByteWriter writer{std::span{body}.first(std::min(out.room(), body.size()))};
+  write_heard(writer, now);
+  if (!writer.ok()) return false;
+  const std::size_t head = writer.size();
+  digest_after_ =
+      write_digest(ledger_, digest_after_, std::span{body}.subspan(head, writer.room()), written);
+  return written > 0 && out.add(EntryKind::kDigest, std::span{body}.first(head + written));
 }
 
 bool ExchangeNode::write_beacon(DatagramWriter& out, bool brief, Instant now) noexcept {
