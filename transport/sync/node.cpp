@@ -13,7 +13,7 @@ constexpr Duration kAlive = std::chrono::seconds{600};  // and then gone
 constexpr Duration kThere = std::chrono::seconds{10};   // a peer that hears us, most likely
 constexpr Duration kHeard = std::chrono::seconds{3};    // a peer that hears our digests now
 constexpr int kRepeats = 2;
-constexpr int kMostFlow = 10;  // of the quick intervals: then all is told, whatever flows
+constexpr int kMostFlow = 25;  // of the quick intervals: then all is told, whatever flows
 
 MapletTrade::Config trade_config(const SyncConfig& config, const LinkProfile& profile,
                                  std::size_t maplet_bytes) noexcept {
@@ -168,7 +168,7 @@ bool ExchangeNode::records_flow(Instant now) const noexcept {
 // Whoever is not there needs none; whose word is older than our own may hold the same by now.
 bool ExchangeNode::digest_wanted(Instant now) const noexcept {
   if (small_digest()) return !all_in_sync(now);
-  const bool overdue = now - digest_at_ > 2 * profile_.quick;
+  const bool overdue = now - digest_at_ > 5 * profile_.quick;
   const Instant calm_since = std::max(flow_at_, changed_at_) + profile_.quick / 8;
   return std::ranges::any_of(peers_.all(), [&](const Peer& peer) {
     return !peer.superseded && now - peer.last_heard < kThere && !in_sync(peer) &&
@@ -209,8 +209,7 @@ Duration ExchangeNode::interval(Instant now) noexcept {
   // Those who are there hold the same; those who are not will call, too.
   const bool company = !lonely(now, kThere) && !recent_peer_behind(now, kThere);
   if (!small_digest() && company && recent_peer_behind(now, kAlive)) {
-    calm_ = std::min(2 * calm_, 8 * profile_.quick);
-    return calm_;
+    return 8 * profile_.quick;
   }
   if (fresh && recent_peer_behind(now, 4 * profile_.quick)) return profile_.quick / 2;
   if (fresh && recent_peer_behind(now, kNear)) return profile_.quick;
