@@ -21,7 +21,7 @@ struct SwarmConfig {
   double range_m = 15.0;               ///< near: how far a radio reaches
   std::string profile = "wifi";        ///< transport/sync/sync_config.hpp
   double budget_bytes_per_s = 4000.0;  ///< of each agent, IP bytes
-  double loss = 0.05;                  ///< of datagrams, each receiver by itself
+  double loss = 0.02;                  ///< of datagrams, each receiver by itself
   double lease_s = 0.0;                ///< those who are gone are taken for present so long
   int solve = 5;                       ///< agents that compute their skeletons, drawn by seed
 };

@@ -106,7 +106,8 @@ void ExchangeNode::say_again(Instant now) noexcept {
   for (std::size_t i = 0; i < again_.size();) {
     Again& news = again_[i];
     if (now >= news.due) {
-      if (!unconfirmed || news.left-- <= 0) {
+      const bool old = now - news.due > 4 * profile_.again;  // digests tell of it
+      if (!unconfirmed || old || news.left-- <= 0) {
         again_.erase(again_.begin() + static_cast<std::ptrdiff_t>(i));
         continue;
       }
