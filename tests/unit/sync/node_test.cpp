@@ -297,6 +297,38 @@ TEST(Node, AHundredLivesAreKeptApart) {
   EXPECT_EQ(world.robots[0]->node.ledger().refused(), 0U);
 }
 
+// A relay tells of thirty agents: a digest each way and the records, once.
+TEST(Node, AMeetingOfTwoCostsLittleMoreThanTheRecords) {
+  World world{14, {.delay = milliseconds{30}, .bytes_per_s = 1e6}};
+  world.add(1, 100, wifi_profile(), 20000.0);
+  Robot& relay = *world.robots[0];
+  std::size_t records = 0;
+  std::size_t record_bytes = 0;
+  for (std::uint16_t agent = 2; agent < 32; ++agent) {
+    RecordContext context{agent, agent};
+    for (std::uint32_t seq = 0; seq < 10; ++seq) {
+      const auto record = quantise(random_delta(world.rng, agent, agent, seq), agent, agent, seq);
+      ASSERT_TRUE(record);
+      relay.node.restore(*record);
+      relay.taker.delta_poses.emplace(record->key, *record);
+      std::array<std::byte, kMaxRecordBytes> body;
+      ByteWriter out{body};
+      write_record(out, context, *record);
+      record_bytes += out.size() + 2;
+      ++records;
+    }
+  }
+  Robot& guest = world.add(40, 40, wifi_profile(), 20000.0);
+  for (auto& robot : world.robots) robot->node.wake(world.now);
+  EXPECT_GE(world.run_until_same(seconds{20}), 0.0);
+  EXPECT_EQ(guest.taker.delta_poses.size(), records);
+  EXPECT_EQ(guest.node.counters().duplicates, 0U);
+  std::size_t datagrams = 0;
+  for (const auto& robot : world.robots) datagrams += robot->sent.size();
+  const std::size_t said = relay.sent_bytes + guest.sent_bytes - datagrams * kWireOverhead;
+  EXPECT_LE(static_cast<double>(said), 1.15 * static_cast<double>(record_bytes));
+}
+
 TEST(Node, SilenceHearsAndSaysNothing) {
   World world{11, {}};
   Robot& a = world.add(1, 100, wifi_profile(), 2000.0);
