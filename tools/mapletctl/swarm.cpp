@@ -62,6 +62,7 @@ void explain(const swarm::SwarmConfig& config, const swarm::SwarmResult& r, doub
                       {"same_verdicts", s.same_verdicts},
                       {"maplets", s.maplets},
                       {"groups", s.groups},
+                      {"overflows", s.overflows},
                       {"closures_rejected", s.closures_rejected},
                       {"error_m", s.error_m},
                       {"settle_s", s.settle_s}});

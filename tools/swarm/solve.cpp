@@ -71,6 +71,7 @@ Solved settle(int agent, Skeleton& skeleton, const std::function<Se3(const Maple
   (void)skeleton.settle(Deadline::never());
   solved.settle_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   solved.maplets = skeleton.node_count();
+  solved.overflows = skeleton.counters().overflows;
   std::map<MapletKey, int> groups;
   for (int i = 0; i < skeleton.node_count(); ++i) ++groups[skeleton.node(i).gauge];
   solved.groups = static_cast<int>(groups.size());

@@ -21,7 +21,8 @@ struct Solved {
   bool same_verdicts = true;  ///< on closures, as the first of them
   int maplets = 0;
   int closures_rejected = 0;
-  int groups = 0;  ///< that nothing relates to each other
+  std::uint64_t overflows = 0;  ///< factors set aside for want of room: none, or it is no result
+  int groups = 0;               ///< that nothing relates to each other
   double settle_s = 0.0;
   double error_m = 0.0;  ///< rms of the largest group against the paths, gauge aligned
 };
