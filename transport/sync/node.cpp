@@ -10,7 +10,6 @@ namespace {
 constexpr Duration kFresh = std::chrono::seconds{60};   // a change is news for so long
 constexpr Duration kNear = std::chrono::seconds{150};   // a peer unheard for longer is far away
 constexpr Duration kAlive = std::chrono::seconds{600};  // and then gone
-constexpr Duration kThere = std::chrono::seconds{10};   // a peer that hears us, most likely
 constexpr Duration kHeard = std::chrono::seconds{3};    // a peer that hears our digests now
 constexpr int kRepeats = 2;
 constexpr int kMostFlow = 25;  // of the quick intervals: then all is told, whatever flows

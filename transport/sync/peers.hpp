@@ -13,6 +13,8 @@ namespace maplet {
 
 /// What was still on its way when a life ended comes within this.
 inline constexpr Duration kStragglers = std::chrono::seconds{5};
+/// A peer heard within this hears us, most likely.
+inline constexpr Duration kThere = std::chrono::seconds{10};
 
 /// One life of another agent, as heard on the link.
 struct Peer {

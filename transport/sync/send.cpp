@@ -9,7 +9,6 @@ namespace {
 
 constexpr int kMaxTries = 6;
 constexpr std::size_t kMostHeard = 8;                   // are told of in a digest
-constexpr Duration kThere = std::chrono::seconds{10};   // a peer that hears us, most likely
 constexpr Duration kClocks = std::chrono::seconds{20};  // are told so often
 constexpr int kMaxSkips = 512;  // records no longer kept, looked up in one call
 
@@ -166,7 +165,7 @@ bool ExchangeNode::write_requests(DatagramWriter& out, Instant now) noexcept {
   return any;
 }
 
-// All that one holder is to be asked for now, as far as it fits.
+// Everything due that one holder has, as far as it fits.
 bool ExchangeNode::write_request(DatagramWriter& out, std::uint16_t holder, Instant now) noexcept {
   std::array<std::byte, kMaxDatagramBytes> body;
   ByteWriter writer{std::span{body}.first(std::min(out.room(), body.size()))};
