@@ -15,17 +15,16 @@ constexpr double kContradiction_m = 1.0;  // from what the skeleton says already
 constexpr double kContradiction_rad = 0.3;
 constexpr std::size_t kTried = 6;  // candidates of one maplet that are verified
 
-/// As the skeleton has it, of maplets in one group.
+/// As the skeleton has it, of maplets in one group, those that it has no room for included.
 class SkeletonRelations final : public PlaceRelations {
  public:
   explicit SkeletonRelations(const Skeleton& skeleton) noexcept : skeleton_{skeleton} {}
   [[nodiscard]] bool relate(const MapletKey& x, const MapletKey& y,
                             Se3& T_x_y) const noexcept override {
-    const Se3* at_x = skeleton_.pose(x);
-    const Se3* at_y = skeleton_.pose(y);
-    if (at_x == nullptr || at_y == nullptr || skeleton_.gauge(x) != skeleton_.gauge(y))
-      return false;
-    T_x_y = at_x->inverse() * *at_y;
+    const auto at_x = skeleton_.standing(x);
+    const auto at_y = skeleton_.standing(y);
+    if (!at_x || !at_y || at_x->gauge != at_y->gauge) return false;
+    T_x_y = at_x->T_world_maplet.inverse() * at_y->T_world_maplet;
     return true;
   }
 
@@ -138,7 +137,10 @@ void Encounters::ask(const MapletStore& own, const MapletKey& self, Deadline dea
 void Encounters::verify(const MapletStore& own, const MapletKey& self, Deadline deadline) noexcept {
   const PlaceCandidate& candidate = candidates_[next_candidate_++];
   if (!load(candidate.key, own, self, *a_)) return;
-  if (verifier_.hypotheses().size() + PlaceVerifier::kPerPair > kHypotheses) verifier_.clear();
+  if (verifier_.hypotheses().size() + PlaceVerifier::kPerPair > kHypotheses) {
+    verifier_.clear();
+    told_.clear();
+  }
   (void)verifier_.add(*a_, *b_, candidate.guesses, deadline);
 }
 
@@ -155,11 +157,10 @@ Encounters::Found Encounters::judge(const Skeleton& skeleton, const MapletKey& s
     }
     // One closure a pair of maplets, and later ones may vouch for earlier ones.
     if (h.judgement.verdict != Verdict::kAccept || full(found)) continue;
+    const Pair pair{h.a, h.b};
+    if (std::ranges::find(told_, pair) != told_.end()) continue;
     if (!trusted(h, skeleton) || linked(skeleton, h.a, h.b)) continue;
-    const bool twice = std::any_of(found.begin(), found.end(), [&](const DeltaPose& other) {
-      return other.a == h.a && other.b == h.b;
-    });
-    if (twice) continue;
+    told_.push_back(pair);
     ++counts_of(is_own(h.a, self) ? h.b.agent : h.a.agent).accepted;
     found.push_back(closure_of(h.a, h.stamp_a, h.b, h.stamp_b, h.alignment));
   }

@@ -88,6 +88,11 @@ class Encounters {
   static constexpr std::size_t kHypotheses = 512;
   static constexpr std::size_t kAgents = 32;
 
+  struct Pair {
+    MapletKey a, b;
+    bool operator==(const Pair&) const = default;
+  };
+
   [[nodiscard]] bool load(const MapletKey& key, const MapletStore& own, const MapletKey& self,
                           Maplet& out) const noexcept;
   void wait(const MapletKey& key) noexcept;
@@ -103,6 +108,7 @@ class Encounters {
   MapletStore foreign_;
   PlaceIndex index_;
   PlaceVerifier verifier_;
+  StaticVector<Pair, kHypotheses> told_;  ///< of the verifier's: they are in the skeleton, or gone
   Arena::Owned<Maplet> a_;
   Arena::Owned<Maplet> b_;
   std::array<MapletKey, kWaiting> waiting_{};  ///< a ring

@@ -147,7 +147,7 @@ Added Skeleton::add(const MapletKey& key) noexcept {
 }
 
 // The node that stands for a maplet: itself, or the one that it was contracted into.
-bool Skeleton::place(const MapletKey& key, Place& out) noexcept {
+bool Skeleton::place(const MapletKey& key, Place& out) const noexcept {
   MapletKey hub;
   const auto stands = [&](const MapletKey& k) { return find(k) >= 0; };
   if (!forwarding_.resolve(key, stands, hub, out.from_node)) return false;

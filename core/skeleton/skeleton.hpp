@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 
 #include "core/base/arena.hpp"
@@ -110,6 +111,13 @@ class Skeleton {
 
   /// T_world_maplet at the present estimate, or nullptr for a maplet it has not heard of.
   [[nodiscard]] const Se3* pose(const MapletKey& key) const noexcept;
+  /// Where a maplet stands, also one that was taken out for want of room: by the node that stands
+  /// for it. Two are related when their gauges are equal. Nothing for one it knows nothing of.
+  struct Standing {
+    MapletKey gauge;
+    Se3 T_world_maplet;
+  };
+  [[nodiscard]] std::optional<Standing> standing(const MapletKey& key) const noexcept;
   /// Where a point is, in the world of the group that saw it; nullptr before that is known.
   [[nodiscard]] const Se3* point(const MapletKey& key) const noexcept;
   /// The gauge of a maplet's group; two maplets are related when theirs are equal.
@@ -186,7 +194,7 @@ class Skeleton {
   void remove(int node) noexcept;
   [[nodiscard]] bool known(const DeltaPose& delta, int a, int b) const noexcept;
   [[nodiscard]] std::size_t bucket(const MapletKey& key, bool point) const noexcept;
-  [[nodiscard]] bool place(const MapletKey& key, Place& out) noexcept;
+  [[nodiscard]] bool place(const MapletKey& key, Place& out) const noexcept;
   [[nodiscard]] bool make_room(int nodes, int factors) noexcept;
   void take_factor(int factor, const Provenance& provenance) noexcept;
   Added link(const Sight& sight, int a) noexcept;

@@ -11,6 +11,13 @@ const Se3* Skeleton::pose(const MapletKey& key) const noexcept {
   return node < 0 ? nullptr : &solver_.graph().node(node).pose;
 }
 
+std::optional<Skeleton::Standing> Skeleton::standing(const MapletKey& key) const noexcept {
+  Place at{};
+  if (!place(key, at)) return {};
+  return Standing{keys_[solver_.group(at.node)],
+                  solver_.graph().node(at.node).pose * at.from_node.T};
+}
+
 const Se3* Skeleton::point(const MapletKey& key) const noexcept {
   const int node = find(key, true);
   return node < 0 || solver_.group(node) == node ? nullptr : &solver_.graph().node(node).pose;

@@ -210,6 +210,11 @@ TEST(SkeletonRoom, AFullGraphGoesOnAndKeepsTheNewest) {
   // A closure to a maplet that was taken out is told from the one that stands for it.
   std::uint32_t gone = 199;
   while (skeleton.pose(key(1, gone)) != nullptr) --gone;
+  const auto standing = skeleton.standing(key(1, gone));
+  ASSERT_TRUE(standing) << "where it was is still known";
+  EXPECT_EQ(standing->gauge, key(1, 0));
+  EXPECT_NEAR(standing->T_world_maplet.t.x(), gone, 1e-6);
+  EXPECT_FALSE(skeleton.standing(key(2, 0)));
   EXPECT_EQ(skeleton.add(closure(key(1, gone), key(1, 200), 200.0 - gone), kNever), Added::kLinked);
 }
 
