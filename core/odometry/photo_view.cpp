@@ -38,7 +38,8 @@ double smooth_depth(const DepthFrame& frame, const PatchSet& patches, int u, int
   return std::abs(fitted - measured) < kOffPatch * measured ? fitted : measured;
 }
 
-// Intensity and steepness at the pixel nearest to (u, v) of a level, or nothing near its border.
+// Intensity at (u, v) of a level and steepness at the pixel nearest to it, or nothing near its
+// border. A place is a whole pixel up to rounding: which neighbour is the first must not tell.
 bool look(const GrayPyramid::Level& level, double u, double v, float& intensity,
           float& steepness) noexcept {
   const int width = level.camera.width_px;
@@ -52,8 +53,10 @@ bool look(const GrayPyramid::Level& level, double u, double v, float& intensity,
   const float low =
       static_cast<float>(p[width]) * (1.0F - a) + static_cast<float>(p[width + 1]) * a;
   intensity = top * (1.0F - b) + low * b;
-  const int gx = p[1] - p[-1];
-  const int gy = p[width] - p[-width];
+  const std::uint8_t* q =
+      level.pixels + static_cast<int>(v + 0.5) * width + static_cast<int>(u + 0.5);
+  const int gx = q[1] - q[-1];
+  const int gy = q[width] - q[-width];
   steepness = static_cast<float>(std::abs(gx) + std::abs(gy));
   return true;
 }
