@@ -43,7 +43,7 @@ nlohmann::ordered_json security_json(const SecurityStatus& status) {
   }
   refused["by_dds"] = status.refused_by_dds;
   return {
-      {"mode", "on"},
+      {"mode", status.in_dds ? "dds" : "sealed"},
       {"state", kStates[static_cast<std::size_t>(status.state)]},
       {"generation", status.generation},
       {"not_before", utc(status.validity.not_before_s)},
@@ -64,14 +64,16 @@ LinkSecurity::LinkSecurity(const Config& config, const std::optional<SecuritySet
     : keys_dir_{config.security.keys},
       kept_in_{setup ? setup->kept_in : std::string{}},
       tolerance_s_{config.security.clock_tolerance_s},
+      in_dds_{config.security.in_dds()},
       guard_{{config.security.clock_tolerance_s, config.radio.link_profile().quick,
               static_cast<std::size_t>(config.exchange.max_lives)},
              setup ? setup->keys : AgentKeys{},
              arena} {
   guard_.set_wall_clock(wall_clock_s());
   if (!setup) return;
-  for (const Bytes& notice : setup->notices) (void)guard_.take_notice(notice, Instant{});
+  for (const Bytes& notice : setup->kept) (void)guard_.take_notice(notice, Instant{});
   kept_ = guard_.board().changes();
+  for (const Bytes& notice : setup->beside) (void)guard_.take_notice(notice, Instant{});
   said_generation_ = guard_.keys().generation;
 }
 
@@ -80,7 +82,7 @@ std::string LinkSecurity::problem() const {
   if (guard_.state() == Guard::State::kRevoked) {
     return fmt::format(
         "security: the operator has revoked the keys of agent {}: nothing is said "
-        "or heard; mapletctl keys agent makes new ones",
+        "or heard; a robot that is back gets another number: mapletctl keys agent",
         guard_.keys().agent);
   }
   const std::string dates = maplet::problem(guard_.keys().validity, wall_clock_s(), tolerance_s_);
@@ -191,6 +193,18 @@ void LinkSecurity::say_refused(Instant now) {
   say_every_ = std::min<Duration>(2 * say_every_, kSeldom);
 }
 
+std::string LinkSecurity::standing() const {
+  const AgentKeys& keys = guard_.keys();
+  const std::uint32_t told = guard_.board().generation();
+  if (guard_.state() == Guard::State::kRevoked) {
+    return fmt::format("generation {} revokes the keys of agent {}", told, keys.agent);
+  }
+  if (told > keys.generation) {
+    return fmt::format("generation {}, and no key of it for agent {} yet", told, keys.agent);
+  }
+  return fmt::format("keys of generation {}", keys.generation);
+}
+
 tl::expected<std::string, std::string> LinkSecurity::load(const std::string& text) noexcept {
   const auto notices = notices_in(text);
   if (notices.empty()) return tl::unexpected<std::string>{"no key notice in it"};
@@ -202,9 +216,9 @@ tl::expected<std::string, std::string> LinkSecurity::load(const std::string& tex
   }
   switch (best) {
     case Guard::Taken::kNew:
-      return fmt::format("taken: keys of generation {}", guard_.keys().generation);
+      return "taken: " + standing();
     case Guard::Taken::kKnown:
-      return fmt::format("known: keys of generation {}", guard_.keys().generation);
+      return "known: " + standing();
     case Guard::Taken::kOld:
       return tl::unexpected{
           fmt::format("an old notice: generation {} is in use",
@@ -221,7 +235,12 @@ tl::expected<std::string, std::string> LinkSecurity::load(const std::string& tex
 
 void LinkSecurity::reload() {
   const std::string path = keys_dir_ + "/" + kNoticeFile;
-  const auto notices = load_notices(path);
+  AgentKeys keys;
+  {
+    const std::scoped_lock lock{mutex_};
+    keys = guard_.keys();
+  }
+  const auto notices = load_notices(path, keys);
   if (!notices) {
     log_warning("security: " + notices.error());
     return;
@@ -237,6 +256,7 @@ SecurityStatus LinkSecurity::status() const {
   const std::scoped_lock lock{mutex_};
   SecurityStatus status;
   status.on = true;
+  status.in_dds = in_dds_;
   status.state = guard_.state();
   status.generation = guard_.keys().generation;
   status.validity = guard_.keys().validity;

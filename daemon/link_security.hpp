@@ -18,6 +18,7 @@ namespace maplet::daemon {
 /// What `mapletctl status`, `peers` and `top` show of it.
 struct SecurityStatus {
   bool on = false;
+  bool in_dds = false;  ///< inside DDS Security, too
   Guard::State state = Guard::State::kGood;
   std::uint32_t generation = 0;
   Validity validity;
@@ -59,6 +60,8 @@ class LinkSecurity {
   [[nodiscard]] SecurityStatus status() const;
 
  private:
+  /// Where this agent stands, for a person; under the lock.
+  [[nodiscard]] std::string standing() const;
   void keep();
   void say_state();
   void say_refused(Instant now);
@@ -66,6 +69,7 @@ class LinkSecurity {
   std::string keys_dir_;
   std::string kept_in_;
   std::int64_t tolerance_s_;
+  bool in_dds_;
   mutable std::mutex mutex_;
   Guard guard_;
   std::uint64_t kept_ = 0;

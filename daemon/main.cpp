@@ -44,6 +44,9 @@ int run(const Options& options, const Config& config) {
     fmt::print(stderr, "mapletd: {}\n", security.error());
     return kExitUsage;
   }
+  if (*security) {
+    for (const std::string& line : (*security)->said) log_warning("security: " + line);
+  }
   return App{how, config, std::move(*state), std::move(*flight), *security}.run();
 }
 

@@ -17,11 +17,11 @@
 #include "daemon/memory_status.hpp"
 #include "daemon/network_check.hpp"
 #include "daemon/run_setup.hpp"
+#include "daemon/security_setup.hpp"
 #include "drivers/gpio/gpio_line.hpp"
 #include "drivers/gray_camera.hpp"
 #include "drivers/open_source.hpp"
 #include "drivers/openni2/cameras.hpp"
-#include "transport/security/key_files.hpp"
 
 namespace maplet::daemon {
 
@@ -217,24 +217,41 @@ void check_realtime(std::vector<CheckResult>& results, const RealtimeConfig& rea
                      fmt::format("grant LimitRTPRIO={}", wanted)});
 }
 
-void check_security(std::vector<CheckResult>& results, const SecurityConfig& security) {
-  if (!security.on()) {
+void check_security(std::vector<CheckResult>& results, const Config& config,
+                    const std::string& state) {
+  const auto setup = open_security(config, {}, state);
+  if (!setup) {
+    results.push_back(
+        {"security", Result::kFail, setup.error(), "mapletctl keys; docs/security.md"});
+    return;
+  }
+  if (!*setup) {
     results.push_back(ok("security", "off: anybody on the link reads and speaks"));
     return;
   }
-  const auto keys = load_agent_keys(security.keys);
+  for (const std::string& line : (*setup)->said) {
+    results.push_back({"security", Result::kWarn, line, "docs/security.md"});
+  }
+  const KeyStanding at = (*setup)->standing();
   const std::string dates =
-      keys ? problem(keys->validity, std::time(nullptr), security.clock_tolerance_s) : "";
-  if (!keys) {
-    results.push_back(
-        {"security", Result::kFail, keys.error(), "mapletctl keys; docs/security.md"});
+      problem(at.keys.validity, std::time(nullptr), config.security.clock_tolerance_s);
+  if (at.revoked()) {
+    results.push_back({"security", Result::kFail,
+                       fmt::format("the operator has revoked the keys of agent {} (generation {})",
+                                   at.keys.agent, std::max(at.told, at.keys.generation)),
+                       "give the robot another number: mapletctl keys agent"});
   } else if (!dates.empty()) {
     results.push_back(
         {"security", Result::kFail, "the keys are " + dates, "mapletctl keys rotate"});
+  } else if (at.behind()) {
+    results.push_back({"security", Result::kWarn,
+                       fmt::format("generation {} has begun, and the keys of agent {} are of {}",
+                                   at.told, at.keys.agent, at.keys.generation),
+                       "mapletctl keys load with all of newest.notice, or keys agent --renew"});
   } else {
     results.push_back(
-        ok("security", fmt::format("keys of agent {}, generation {}, until {}", keys->agent,
-                                   keys->generation, utc(keys->validity.not_after_s))));
+        ok("security", fmt::format("keys of agent {}, generation {}, until {}", at.keys.agent,
+                                   at.keys.generation, utc(at.keys.validity.not_after_s))));
   }
 }
 
@@ -252,14 +269,14 @@ std::string_view to_string(Result result) noexcept {
   return "?";
 }
 
-std::vector<CheckResult> self_check(const Config& config) {
+std::vector<CheckResult> self_check(const Config& config, const std::string& state) {
   std::vector<CheckResult> results;
   check_camera(results, config);
   check_gray(results, config.gray);
   check_gpio(results, config.gpio);
   check_clock(results);
   check_network(results, config.radio);
-  check_security(results, config.security);
+  check_security(results, config, state);
   check_memory(results, config);
   check_realtime(results, config.realtime);
   return results;

@@ -23,6 +23,7 @@ struct CheckResult {
 /// Looks at what the daemon will need with this configuration: camera and its permissions, GPIO
 /// chips, clock, network interface and peers, memory, real-time limits. Changes nothing; opens each
 /// camera for a moment.
-[[nodiscard]] std::vector<CheckResult> self_check(const Config& config);
+/// @param state  the folder of --state; empty: none
+[[nodiscard]] std::vector<CheckResult> self_check(const Config& config, const std::string& state);
 
 }  // namespace maplet::daemon

@@ -112,6 +112,18 @@ Authority Authority::make(const std::string& name, const Validity& validity) {
   return Authority{{pem_of(made.get()), pem_of(key.get())}};
 }
 
+bool Authority::sound() const {
+  try {
+    const auto certificate = certificate_in(self_.certificate);
+    const auto key = key_in(self_.private_key);
+    const bool fits = X509_check_private_key(certificate.get(), key.get()) == 1;
+    ERR_clear_error();
+    return fits;
+  } catch (const std::runtime_error&) {
+    return false;
+  }
+}
+
 Identity Authority::issue(const std::string& name, std::uint64_t serial,
                           const Validity& validity) const {
   const auto issuer = certificate_in(self_.certificate);

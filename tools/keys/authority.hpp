@@ -23,6 +23,8 @@ class Authority {
   explicit Authority(Identity self) : self_{std::move(self)} {}
 
   [[nodiscard]] const Identity& self() const noexcept { return self_; }
+  /// Whether there are a certificate and a key, and these belong together.
+  [[nodiscard]] bool sound() const;
   [[nodiscard]] Identity issue(const std::string& name, std::uint64_t serial,
                                const Validity& validity) const;
   /// S/MIME, detached, as `openssl smime -sign -text` writes it.

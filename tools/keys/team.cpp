@@ -21,6 +21,8 @@ using Json = nlohmann::ordered_json;
 
 constexpr std::int64_t kDay_s = 86400;
 constexpr int kAuthorityDays = 20 * 365;
+constexpr const char* kAuthorityFile = "ca.pem";
+constexpr const char* kAuthorityKeyFile = "ca.key.pem";
 
 [[noreturn]] void fail(const std::string& what) { throw std::runtime_error{what}; }
 
@@ -44,6 +46,11 @@ void make_folder(const std::string& path) {
   if (mkdir(path.c_str(), 0700) != 0 && errno != EEXIST) {
     fail(fmt::format("{}: {}", path, std::strerror(errno)));
   }
+}
+
+bool exists(const std::string& path) {
+  struct stat info {};
+  return lstat(path.c_str(), &info) == 0;
 }
 
 template <std::size_t N>
@@ -73,10 +80,10 @@ std::string to_hex(std::span<const std::byte> bytes) {
 
 Team Team::init(const std::string& dir, const std::string& name, int days, std::int64_t now_s) {
   make_folder(dir);
-  const std::string file = dir + "/" + kTeamFile;
-  struct stat info {};
-  if (stat(file.c_str(), &info) == 0) {
-    fail(file + ": is there already: its robots would not know another; name another folder");
+  for (const char* file : {kTeamFile, kAuthorityKeyFile, kAuthorityFile, kAgentKeysFile}) {
+    if (const std::string path = dir + "/" + file; exists(path)) {
+      fail(path + ": is there already: its robots would not know another; name another folder");
+    }
   }
   Team team;
   team.dir_ = dir;
@@ -85,8 +92,8 @@ Team Team::init(const std::string& dir, const std::string& name, int days, std::
   fill_random(team.group_.bytes());
   team.validity_ = {now_s, now_s + kDay_s * days};
   const Authority authority = Authority::make(name, certificate_validity(now_s, kAuthorityDays));
-  write(dir + "/ca.key.pem", authority.self().private_key, 0600);
-  write(dir + "/ca.pem", authority.self().certificate, 0644);
+  write(dir + "/" + kAuthorityKeyFile, authority.self().private_key, 0600);
+  write(dir + "/" + kAuthorityFile, authority.self().certificate, 0644);
   team.save();
   return team;
 }
@@ -146,7 +153,12 @@ void Team::save() const {
 }
 
 Authority Team::authority() const {
-  return Authority{{read_open(dir_ + "/ca.pem"), read(dir_ + "/ca.key.pem")}};
+  const std::string key = dir_ + "/" + kAuthorityKeyFile;
+  constexpr const char* kRemedy = ": restore ca.key.pem and ca.pem from the folder's copy";
+  if (!exists(key)) fail(key + ": is not there" + kRemedy);
+  const Authority authority{{read_open(dir_ + "/" + kAuthorityFile), read(key)}};
+  if (!authority.sound()) fail(key + ": damaged, or not the key of ca.pem beside it" + kRemedy);
+  return authority;
 }
 
 Revoked Team::latest_revoked() const {
@@ -156,20 +168,49 @@ Revoked Team::latest_revoked() const {
   return latest;
 }
 
+/// Looks who has a folder, before anything is written there.
+/// @return whether this robot's keys are in it; whoever else's is thrown
+bool Team::occupied(const std::string& folder, std::uint16_t agent, bool renew) const {
+  const auto taken = [](const std::string& path, const std::string& by) {
+    fail(fmt::format("{}: {}, which would be lost: name another folder with --out", path, by));
+  };
+  for (const char* file : {kTeamFile, kAuthorityKeyFile}) {
+    if (exists(folder + "/" + file)) taken(folder + "/" + file, "a team's own file");
+  }
+  const std::string keys_file = folder + "/" + kAgentKeysFile;
+  const bool there = exists(keys_file);
+  if (there) {
+    const auto keys = load_agent_keys(folder);
+    if (!keys) fail(keys.error() + "; or name another folder with --out");
+    if (team_of(keys->operator_key) != id()) taken(keys_file, "keys of another team");
+    if (keys->agent != agent) taken(keys_file, fmt::format("the keys of agent {}", keys->agent));
+    return true;
+  }
+  // Without agent.keys: somebody else's certificates, or the beginning of ours.
+  const std::string authority = folder + "/" + kAuthorityFile;
+  const bool begun =
+      renew && exists(authority) && read_open(authority) == read_open(dir_ + "/" + kAuthorityFile);
+  for (const char* file : {kAuthorityFile, "identity.pem", "identity.key.pem"}) {
+    const std::string path = folder + "/" + file;
+    if (!begun && exists(path)) taken(path, "somebody's certificate");
+  }
+  return false;
+}
+
 std::string Team::add(std::uint16_t agent, const std::string& out, int days, bool renew,
                       std::int64_t now_s) {
   if (std::ranges::find(revoked_, agent) != revoked_.end()) {
     fail(fmt::format("agent {} was revoked: give the robot another number", agent));
   }
   const auto had = std::ranges::find(robots_, agent, &Robot::agent);
-  if (had != robots_.end() && !renew) {
+  const std::string folder = out.empty() ? fmt::format("{}/agent-{}", dir_, agent) : out;
+  const bool there = occupied(folder, agent, renew);
+  if ((had != robots_.end() || there) && !renew) {
     fail(
         fmt::format("agent {} has keys already: --renew makes new ones for the same robot; for "
                     "another one choose another number",
                     agent));
   }
-  const std::string folder = out.empty() ? fmt::format("{}/agent-{}", dir_, agent) : out;
-  make_folder(folder);
   AgentKeys keys;
   keys.operator_key = verifying_key(operator_key_);
   keys.agent = agent;
@@ -182,26 +223,31 @@ std::string Team::add(std::uint16_t agent, const std::string& out, int days, boo
   const std::string name = fmt::format("agent-{}", agent);
   const Authority authority = this->authority();
   const Identity identity = authority.issue(name, next_serial_, dates);
-  write(folder + "/" + kAgentKeysFile, agent_keys_text(keys, operator_key_), 0600);
-  write(folder + "/identity.key.pem", identity.private_key, 0600);
-  write(folder + "/identity.pem", identity.certificate, 0644);
-  write(folder + "/ca.pem", authority.self().certificate, 0644);
-  write(folder + "/governance.p7s", authority.sign(governance_xml()), 0644);
-  write(folder + "/permissions.p7s", authority.sign(permissions_xml(name, dates)), 0644);
-  if (!revoked_serials_.empty()) {
-    write(folder + "/" + kRevokedFile, authority.revoked(revoked_serials_, dates), 0644);
-  }
+  const std::string governance = authority.sign(governance_xml());
+  const std::string permissions = authority.sign(permissions_xml(name, dates));
+  const std::string revoked =
+      revoked_serials_.empty() ? "" : authority.revoked(revoked_serials_, dates);
+  make_folder(folder);
   if (had != robots_.end()) {
     revoked_serials_.push_back(had->serial);
     robots_.erase(had);
   }
   robots_.push_back({agent, exchange_public(keys.own), next_serial_++, dates.not_after_s});
-  save();
+  save();  // first: a robot whose keys nobody remembers would be left out of the next ones
+  write(folder + "/" + kAuthorityFile, authority.self().certificate, 0644);
+  write(folder + "/identity.key.pem", identity.private_key, 0600);
+  write(folder + "/identity.pem", identity.certificate, 0644);
+  write(folder + "/governance.p7s", governance, 0644);
+  write(folder + "/permissions.p7s", permissions, 0644);
+  if (!revoked.empty()) write(folder + "/" + kRevokedFile, revoked, 0644);
+  write(folder + "/" + kAgentKeysFile, agent_keys_text(keys, operator_key_), 0600);
   return folder;
 }
 
-std::string Team::rotate(const std::vector<std::uint16_t>& gone, int days, std::int64_t now_s) {
+bool Team::remove(const std::vector<std::uint16_t>& gone) {
+  bool any = false;
   for (const std::uint16_t agent : gone) {
+    if (std::ranges::find(revoked_, agent) != revoked_.end()) continue;
     const auto robot = std::ranges::find(robots_, agent, &Robot::agent);
     if (robot == robots_.end()) {
       fail(fmt::format("agent {} has no keys of this team: mapletctl keys show lists who has",
@@ -210,26 +256,27 @@ std::string Team::rotate(const std::vector<std::uint16_t>& gone, int days, std::
     revoked_.push_back(agent);
     revoked_serials_.push_back(robot->serial);
     robots_.erase(robot);
+    any = true;
   }
-  const Revoked revoked = latest_revoked();
-  const std::size_t most = sealed_in_a_part(revoked.size());
+  return any;
+}
+
+std::string Team::notice() const {
+  KeyNotice notice;
+  notice.revoked = latest_revoked();
+  const std::size_t most = sealed_in_a_part(notice.revoked.size());
   const std::size_t parts = std::max<std::size_t>(1, (robots_.size() + most - 1) / most);
   if (parts > KeyNotice::kMaxParts) {
     fail(fmt::format("{} robots are more than {} that a notice reaches", robots_.size(),
                      most * KeyNotice::kMaxParts));
   }
-  ++generation_;
-  fill_random(group_.bytes());
-  validity_ = {now_s, now_s + kDay_s * days};
   ExchangeKey passing;
   fill_random(passing.bytes());
-  KeyNotice notice;
   notice.team = id();
   notice.generation = generation_;
   notice.parts = static_cast<std::uint8_t>(parts);
   notice.validity = validity_;
   notice.passing = exchange_public(passing);
-  notice.revoked = revoked;
   std::string text;
   for (std::size_t part = 0; part < parts; ++part) {
     notice.part = static_cast<std::uint8_t>(part);
@@ -240,13 +287,25 @@ std::string Team::rotate(const std::vector<std::uint16_t>& gone, int days, std::
     }
     text += notice_text(to_bytes(notice, operator_key_));
   }
-  save();  // first: a notice that nobody remembers would lock its robots out
+  return text;
+}
+
+std::string Team::rotate(const std::vector<std::uint16_t>& gone, int days, std::int64_t now_s) {
+  const bool next = remove(gone) || gone.empty();
+  if (next) {
+    ++generation_;
+    fill_random(group_.bytes());
+    validity_ = {now_s, now_s + kDay_s * days};
+  }
+  const std::string text = notice();
+  const std::string revoked =
+      revoked_serials_.empty()
+          ? ""
+          : authority().revoked(revoked_serials_, certificate_validity(now_s, kAuthorityDays));
+  if (next) save();  // before the notice: one that nobody remembers would lock its robots out
   const std::string file = dir_ + "/" + kNoticeFile;
   write(file, text, 0644);
-  if (!revoked_serials_.empty()) {
-    write(dir_ + "/" + kRevokedFile,
-          authority().revoked(revoked_serials_, certificate_validity(now_s, kAuthorityDays)), 0644);
-  }
+  if (!revoked.empty()) write(dir_ + "/" + kRevokedFile, revoked, 0644);
   return file;
 }
 

@@ -31,16 +31,20 @@ class Team {
     std::int64_t not_after_s = 0;
   };
 
-  /// Makes the folder. @param days  that the keys are good for
+  static constexpr std::size_t kLongestName = 64;  ///< of a certificate, RFC 5280
+
+  /// Makes the folder, unless there are keys in it. @param days  that the keys are good for
   [[nodiscard]] static Team init(const std::string& dir, const std::string& name, int days,
                                  std::int64_t now_s);
   [[nodiscard]] static Team open(const std::string& dir);
 
-  /// Writes what one robot gets. @param renew  it had keys already
+  /// Writes what one robot gets, in a folder that holds nobody else's keys.
+  /// @param renew  it had keys already: these go
   /// @return the folder
   std::string add(std::uint16_t agent, const std::string& out, int days, bool renew,
                   std::int64_t now_s);
-  /// The next generation of keys, without some. @return the notice's file
+  /// The next generation of keys, without some. Where all of these were revoked before, nothing but
+  /// the files that tell of it, again. @return the notice's file
   std::string rotate(const std::vector<std::uint16_t>& gone, int days, std::int64_t now_s);
 
   [[nodiscard]] const std::string& name() const noexcept { return name_; }
@@ -52,6 +56,10 @@ class Team {
 
  private:
   void save() const;
+  [[nodiscard]] bool occupied(const std::string& folder, std::uint16_t agent, bool renew) const;
+  /// Takes their keys away. @return whether one of them still had some
+  bool remove(const std::vector<std::uint16_t>& gone);
+  [[nodiscard]] std::string notice() const;
   [[nodiscard]] Revoked latest_revoked() const;
   [[nodiscard]] Authority authority() const;
 

@@ -53,7 +53,7 @@ void run(const Options& options) {
     results.push_back(
         {"configuration", CheckResult::Result::kOk,
          options.daemon.config_file.empty() ? "the defaults" : options.daemon.config_file, ""});
-    const auto found = daemon::self_check(*config);
+    const auto found = daemon::self_check(*config, options.daemon.state);
     results.insert(results.end(), found.begin(), found.end());
   } else {
     results.push_back({"configuration", CheckResult::Result::kFail, config.error(),
@@ -78,6 +78,9 @@ void add_check(Command app) {
   sub.add_option("--config", options->daemon.config_file, "TOML file, as mapletd takes it");
   sub.add_option("--set", options->daemon.overrides, "key=value over the file").one_each();
   sub.add_option("--source", options->daemon.source, "source URI, as mapletd takes it");
+  sub.add_option("--state", options->daemon.state,
+                 "folder of its journal, as mapletd takes it: new keys are kept there")
+      .type_name("DIR");
   sub.add_flag("--json", options->json, "the results, as JSON");
   sub.run([options] { run(*options); });
 }

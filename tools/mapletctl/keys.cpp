@@ -4,12 +4,13 @@
 #include <fmt/ranges.h>
 #include <sys/stat.h>
 
+#include <algorithm>
 #include <ctime>
 #include <memory>
 
 #include "tools/keys/team.hpp"
 #include "tools/mapletctl/ask.hpp"
-#include "transport/security/key_files.hpp"
+#include "transport/security/key_folder.hpp"
 
 namespace maplet::ctl {
 
@@ -49,7 +50,23 @@ void print(const Options& options, const Json& json, const std::string& text) {
   fmt::print("{}\n", options.json ? json.dump() : text);
 }
 
+/// It stands in a certificate and in JSON.
+bool is_a_name(const std::string& text) {
+  const auto control = [](unsigned char c) { return c < 0x20 || c == 0x7f; };
+  if (text.empty() || text.size() > Team::kLongestName || std::ranges::any_of(text, control)) {
+    return false;
+  }
+  try {
+    return !Json(text).dump().empty();
+  } catch (const Json::type_error&) {  // no UTF-8
+    return false;
+  }
+}
+
 void init(const Options& options) {
+  if (!is_a_name(options.name)) {
+    throw Failure{fmt::format("--name: 1 to {} bytes of text", Team::kLongestName), 2};
+  }
   const Team team =
       said([&] { return Team::init(options.dir, options.name, options.days, now_s()); });
   const std::string until = utc(team.validity().not_after_s);
@@ -86,20 +103,27 @@ std::uint16_t agent_number(const std::string& text) {
 void rotate(const Options& options) {
   std::vector<std::uint16_t> gone;
   for (const std::string& text : options.agents) gone.push_back(agent_number(text));
+  std::uint32_t before = 0;
   std::uint32_t generation = 0;
   std::size_t left = 0;
   const std::string file = said([&] {
     Team team = Team::open(options.dir);
+    before = team.generation();
     std::string written = team.rotate(gone, options.days, now_s());
     generation = team.generation();
     left = team.robots().size();
     return written;
   });
   print(options,
-        {{"generation", generation}, {"revoked", gone}, {"robots", left}, {"notice", file}},
-        fmt::format("generation {} for {} robots: {}\nnext: mapletctl keys load {}, where a daemon "
-                    "runs that meets the others; it passes it on",
-                    generation, left, file, file));
+        {{"generation", generation},
+         {"revoked", gone},
+         {"robots", left},
+         {"notice", file},
+         {"again", generation == before}},
+        fmt::format("{}generation {} for {} robots: {}\nnext: mapletctl keys load {}, where a "
+                    "daemon runs that meets the others; it passes it on",
+                    generation == before ? "revoked before, and written again: " : "", generation,
+                    left, file, file));
 }
 
 void load(const Options& options) {
@@ -149,14 +173,33 @@ Json json_of(const Team& team) {
   return json;
 }
 
-Json json_of(const AgentKeys& keys) {
+Json json_of(const KeyStanding& at) {
+  const AgentKeys& keys = at.keys;
   Json json{{"kind", "agent"},
             {"agent", keys.agent},
             {"team", keys::to_hex(team_of(keys.operator_key))},
             {"generation", keys.generation}};
   json.update(dates(keys.validity));
+  if (at.revoked()) {
+    json["state"] = "revoked";
+  } else if (at.behind()) {
+    json["state"] = fmt::format("without a key of generation {}", at.told);
+  }
   json["revoked"] = std::vector<std::uint16_t>(keys.revoked.begin(), keys.revoked.end());
+  json["notice"] = at.told > 0 ? Json(at.told) : Json();
   return json;
+}
+
+/// A robot's folder, as its daemon would start with it.
+Json look_at_folder(const std::string& path) {
+  const auto keys = load_agent_keys(path);
+  if (!keys) throw Failure{keys.error()};
+  const auto notices = load_notices(path + "/" + kNoticeFile, *keys);
+  if (!notices) throw Failure{notices.error()};
+  if (const std::string line = folder_problem(path); !line.empty()) {
+    fmt::print(stderr, "mapletctl: {}\n", line);
+  }
+  return json_of(standing(*keys, *notices));
 }
 
 Json json_of(const std::vector<Bytes>& notices, const std::string& path) {
@@ -186,11 +229,7 @@ bool exists(const std::string& path) {
 Json look_at(const std::string& path) {
   if (exists(path + "/" + keys::kTeamFile)) return json_of(Team::open(path));
   struct stat info {};
-  if (stat(path.c_str(), &info) == 0 && S_ISDIR(info.st_mode)) {
-    const auto keys = load_agent_keys(path);
-    if (!keys) throw Failure{keys.error()};
-    return json_of(*keys);
-  }
+  if (stat(path.c_str(), &info) == 0 && S_ISDIR(info.st_mode)) return look_at_folder(path);
   const auto text = read_public(path);
   if (!text) throw Failure{text.error()};
   const auto notices = notices_in(*text);
@@ -269,11 +308,12 @@ void add_keys(Command app) {
   sub.add_option("--days", o->days, "that its certificate for DDS Security is good for")
       .range(1, 36500)
       .show_default();
-  sub.add_flag("--renew", o->renew, "it had keys already, which are no longer used");
+  sub.add_flag("--renew", o->renew, "it had keys already, which are replaced");
 
   o = options();
   sub = verb(keys, o, "revoke",
-             "Shuts robots out: makes the next keys for all others, and a notice that tells them",
+             "Shuts robots out: makes the next keys for all others, and a notice that tells them; "
+             "again: the notice anew",
              rotate);
   sub.add_option("N", o->agents, "the robots' numbers").required();
   add_team(sub, o);
@@ -292,8 +332,11 @@ void add_keys(Command app) {
   add_daemon_options(sub, std::shared_ptr<Daemon>{o, &o->daemon});
 
   o = options();
-  sub = verb(keys, o, "show",
-             "What a team's folder, a robot's folder or a notice holds; never a secret", show);
+  sub = verb(
+      keys, o, "show",
+      "What a team's folder, a robot's folder (with the notice in it) or a notice holds; never a "
+      "secret",
+      show);
   sub.add_option("PATH", o->path, "folder or file; the team's folder where it is left out");
   add_team(sub, o);
 }

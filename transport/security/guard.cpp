@@ -207,18 +207,8 @@ Guard::Taken Guard::take_notice(std::span<const std::byte> bytes, Instant now) n
   if (notice->generation < newest_generation()) return Taken::kOld;
   if (board_.holds(notice->generation, notice->part)) return Taken::kKnown;
   (void)board_.put(*notice, bytes, now);
-  const bool newer = notice->generation > keys_.generation;
-  if (newer || notice->generation == keys_.generation) {
-    keys_.revoked = notice->revoked;
-    for (const std::uint16_t agent : keys_.revoked) sessions_.end_all_of(agent);
-  }
-  if (!newer) return Taken::kNew;
-  if (const auto next = open_for(keys_, *notice)) {
-    keys_.group = *next;
-    keys_.generation = notice->generation;
-    keys_.validity = notice->validity;
-    take_key();
-  }
+  if (follow(keys_, *notice)) take_key();
+  for (const std::uint16_t agent : keys_.revoked) sessions_.end_all_of(agent);
   return Taken::kNew;
 }
 

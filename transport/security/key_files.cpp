@@ -30,11 +30,6 @@ struct Close {
   }
 };
 
-std::string user_name(uid_t uid) {
-  const passwd* user = getpwuid(uid);
-  return user != nullptr ? user->pw_name : fmt::format("user {}", uid);
-}
-
 tl::unexpected<std::string> fail_of(std::string what) {
   return tl::unexpected<std::string>{std::move(what)};
 }
@@ -111,7 +106,20 @@ std::vector<Bytes> blocks(const std::string& text, std::string_view wanted) {
   return found;
 }
 
+/// A rename is on disk when its folder is. Where that cannot be done the file itself still is.
+void flush_folder_of(const std::string& path) {
+  const auto slash = path.rfind('/');
+  const std::string folder = slash == std::string::npos ? "." : path.substr(0, slash + 1);
+  const Close at{open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)};
+  if (at.fd >= 0) (void)fsync(at.fd);
+}
+
 }  // namespace
+
+std::string user_name(unsigned uid) {
+  const passwd* user = getpwuid(uid);
+  return user != nullptr ? user->pw_name : fmt::format("user {}", uid);
+}
 
 tl::expected<std::string, std::string> read_private(const std::string& path) {
   return read_all(path, true);
@@ -139,12 +147,17 @@ std::string write_file(const std::string& path, std::string_view text, int mode)
     }
     if (fsync(file.fd) != 0) return problem();
   }
-  return std::rename(beside.c_str(), path.c_str()) == 0 ? std::string{} : problem();
+  if (std::rename(beside.c_str(), path.c_str()) != 0) return problem();
+  flush_folder_of(path);
+  return {};
 }
 
 tl::expected<AgentKeys, std::string> load_agent_keys(const std::string& dir) {
   const std::string path = dir + "/" + kAgentKeysFile;
   auto text = read_private(path);
+  if (!text && access(path.c_str(), F_OK) != 0 && errno == ENOENT) {
+    return fail_of(path + ": is not there: mapletctl keys agent N writes it, for robot N");
+  }
   if (!text) return fail_of(std::move(text.error()));
   const auto found = blocks(*text, kKeysLabel);
   wipe(std::as_writable_bytes(std::span{*text}));
@@ -162,11 +175,11 @@ std::string agent_keys_text(const AgentKeys& keys, const SigningKey& signer) {
 
 std::vector<Bytes> notices_in(const std::string& text) { return blocks(text, kNoticeLabel); }
 
-tl::expected<std::vector<Bytes>, std::string> load_notices(const std::string& path) {
-  if (access(path.c_str(), F_OK) != 0) return std::vector<Bytes>{};
-  const auto text = read_all(path, false);
-  if (!text) return fail_of(text.error());
-  return notices_in(*text);
+std::size_t notices_begun(const std::string& text) {
+  const std::string begin = fmt::format("-----BEGIN {}", kNoticeLabel);
+  std::size_t count = 0;
+  for (std::size_t at = 0; (at = text.find(begin, at)) != std::string::npos; ++at) ++count;
+  return count;
 }
 
 std::string notice_text(std::span<const std::byte> notice) {

@@ -22,9 +22,12 @@ using Bytes = std::vector<std::byte>;
 [[nodiscard]] tl::expected<std::string, std::string> read_private(const std::string& path);
 /// A file that anybody may read. @return why it cannot be read
 [[nodiscard]] tl::expected<std::string, std::string> read_public(const std::string& path);
-/// Writes beside it and renames: whole or not at all.
+/// Writes beside it and renames: whole or not at all, and on disk when it returns.
 /// @param mode  0600 for what is secret
 [[nodiscard]] std::string write_file(const std::string& path, std::string_view text, int mode);
+
+/// A user's name for a person to read.
+[[nodiscard]] std::string user_name(unsigned uid);
 
 /// The keys in DIR/agent.keys.
 [[nodiscard]] tl::expected<AgentKeys, std::string> load_agent_keys(const std::string& dir);
@@ -32,8 +35,8 @@ using Bytes = std::vector<std::byte>;
 
 /// Every notice in a text, in the order they stand there; what else is there is passed over.
 [[nodiscard]] std::vector<Bytes> notices_in(const std::string& text);
-/// @return empty when there is no such file
-[[nodiscard]] tl::expected<std::vector<Bytes>, std::string> load_notices(const std::string& path);
+/// How many notices begin in a text: more than notices_in() finds where some are damaged.
+[[nodiscard]] std::size_t notices_begun(const std::string& text);
 [[nodiscard]] std::string notice_text(std::span<const std::byte> notice);
 
 }  // namespace maplet

@@ -131,4 +131,16 @@ std::optional<GroupKey> open_for(const AgentKeys& keys, const KeyNotice& notice)
   return next;
 }
 
+bool follow(AgentKeys& keys, const KeyNotice& notice) noexcept {
+  if (notice.generation < keys.generation) return false;
+  keys.revoked = notice.revoked;
+  if (notice.generation == keys.generation) return false;
+  const auto next = open_for(keys, notice);
+  if (!next) return false;
+  keys.group = *next;
+  keys.generation = notice.generation;
+  keys.validity = notice.validity;
+  return true;
+}
+
 }  // namespace maplet

@@ -66,4 +66,9 @@ struct KeyNotice {
 [[nodiscard]] std::optional<GroupKey> open_for(const AgentKeys& keys,
                                                const KeyNotice& notice) noexcept;
 
+/// Keys after a verified notice: who is revoked, and the next generation where it has a key for
+/// them. One of an earlier generation changes nothing.
+/// @return whether the group's key is another one
+bool follow(AgentKeys& keys, const KeyNotice& notice) noexcept;
+
 }  // namespace maplet
