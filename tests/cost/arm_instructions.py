@@ -10,14 +10,15 @@ Prints a Markdown table: mean and most of a frame. "process" is all that all thr
 reading it from a PNG included.
 """
 import argparse
+import os
 import re
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
-STAGES = {"frame": "maplet::Agent::step(*", "patches": "maplet::PatchExtractor::run(*",
-          "odometry": "maplet::Tracker::run(*"}
+STAGES = {"frame": "maplet::Agent::step(", "patches": "maplet::PatchExtractor::run(",
+          "odometry": "maplet::Tracker::run("}
 MANGLED = {b"_ZN6maplet5Agent4stepE": "frame", b"_ZN6maplet14PatchExtractor3runE": "patches",
            b"_ZN6maplet7Tracker3runE": "odometry"}
 SOURCES = ("sim:loop?seed=7&width=160", "sim:loop?seed=7&width=320", "sim:loop?seed=7&width=640")
@@ -89,11 +90,14 @@ def mission(build, folder, out, config):
 def arm_counts(build, folder, out, config):
     machine = machine_of(build / "bin/mapletd")
     sysroot = build.parent / "sysroot" / {"arm": "armhf", "aarch64": "arm64"}[machine]
-    command = [f"qemu-{machine}-static", "-L", sysroot, "-d", "in_asm,exec,nochain",
-               *mission(build, folder, out, config)]
+    log = folder.parent / f"{build.name}.log"  # not stderr: that is the program's
+    os.mkfifo(log)
+    qemu = [f"qemu-{machine}-static", "-L", str(sysroot)]
+    command = [*qemu, "-d", "in_asm,exec,nochain", "-D", log, *mission(build, folder, out, config)]
     counter = Counter()
-    with subprocess.Popen(command, stderr=subprocess.PIPE) as process:
-        counter.read(process.stderr)
+    environment = os.environ | {"MAPLET_EMULATOR": " ".join(qemu)}  # for what draws the map
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, env=environment) as process, open(log, "rb") as lines:
+        counter.read(lines)
     if process.returncode != 0:
         sys.exit(f"arm_instructions: {' '.join(map(str, command))} gave {process.returncode}")
     frames = counter.all_by_frame
@@ -101,13 +105,14 @@ def arm_counts(build, folder, out, config):
 
 
 def host_counts(build, folder, out, config):
-    """Callgrind writes a part for each call when told to dump after the function."""
+    """Callgrind writes a part for each call when told to dump after the function: in other words than
+    it was told to count in, as it keeps one option a pattern."""
     counts = {}
     for stage, function in STAGES.items():
         parts = out / f"callgrind-{stage}"
         parts.mkdir(parents=True)
-        subprocess.run(["valgrind", "--tool=callgrind", f"--toggle-collect={function}",
-                        f"--dump-after={function}", f"--callgrind-out-file={parts}/p",
+        subprocess.run(["valgrind", "--tool=callgrind", f"--toggle-collect={function}*",
+                        f"--dump-after=*{function}*", f"--callgrind-out-file={parts}/p",
                         *mission(build, folder, out / stage, config)], check=True, capture_output=True)
         totals = [int(re.search(r"^(?:totals|summary): (\d+)", part.read_text(), re.M).group(1))
                   for part in parts.glob("p.*")]
