@@ -47,6 +47,7 @@ bool ClosureJudge<Space>::measure(int factor, int slot, Innovation &out) noexcep
 template <class Space>
 void ClosureJudge<Space>::consider(int factor, bool compare) noexcept {
   if (state_[factor] == ClosureState::kNone) closures_[closure_count_++] = factor;
+  note_set_aside();
   turn(factor, ClosureState::kWaiting);
   doubt_ = 1.0;
   measure_extent();
@@ -57,7 +58,7 @@ void ClosureJudge<Space>::consider(int factor, bool compare) noexcept {
     accept(factor);
     const auto others = agreeing_;
     for (const int other : others)
-      if (state_[other] != ClosureState::kAccepted && state_[other] != ClosureState::kForced &&
+      if ((state_[other] == ClosureState::kWaiting || state_[other] == ClosureState::kRejected) &&
           borne_out(other))
         accept(other);
     return;
@@ -72,11 +73,13 @@ void ClosureJudge<Space>::consider(int factor, bool compare) noexcept {
 
 template <class Space>
 void ClosureJudge<Space>::look_again(int count) noexcept {
+  note_set_aside();
   for (int k = 0; k < std::min(count, closure_count_); ++k) {
     cursor_ = cursor_ + 1 < closure_count_ ? cursor_ + 1 : 0;
     const int factor = closures_[cursor_];
     const Factor<Space> &f = graph_.graph().factor(factor);
-    if (state_[factor] == ClosureState::kForced) continue;
+    if (state_[factor] == ClosureState::kForced || state_[factor] == ClosureState::kNoRoom)
+      continue;
     const Tangent e = Space::error(f.z, relative_pose(graph_.graph(), f));
     const bool fits = e.dot(weigh(f, e)) < gate_ * scale();
     if (state_[factor] == ClosureState::kAccepted) {
@@ -108,6 +111,7 @@ double ClosureJudge<Space>::without_it(int factor) noexcept {
 
 template <class Space>
 bool ClosureJudge<Space>::review() noexcept {
+  note_set_aside();
   measure_extent();
   bool changed = false;
   int worst = -1;
@@ -129,7 +133,7 @@ bool ClosureJudge<Space>::review() noexcept {
         most = std::max(chi2, alone);
         worst = factor;
       }
-    } else if (state_[factor] != ClosureState::kForced) {
+    } else if (state_[factor] != ClosureState::kForced && state_[factor] != ClosureState::kNoRoom) {
       const ClosureState before = state_[factor];
       consider(factor);
       changed = changed || (before != state_[factor] && state_[factor] == ClosureState::kAccepted);
@@ -177,7 +181,11 @@ void ClosureJudge<Space>::force(int factor, bool accept) noexcept {
 }
 
 template <class Space>
-void ClosureJudge<Space>::begin_anew() noexcept {
+void ClosureJudge<Space>::begin_anew(std::span<const int> order) noexcept {
+  note_set_aside();
+  closure_count_ = extent_nodes_ = 0;
+  for (const int factor : order)
+    if (state_[factor] != ClosureState::kNone) closures_[closure_count_++] = factor;
   for (int k = 0; k < closure_count_; ++k) {
     const int factor = closures_[k];
     if (state_[factor] == ClosureState::kForced) continue;
@@ -194,6 +202,20 @@ void ClosureJudge<Space>::forget(int factor) noexcept {
   closure_count_ =
       static_cast<int>(std::remove(closures_.begin(), end, factor) - closures_.begin());
   cursor_ = 0;
+}
+
+// Closures that the graph has set aside say nothing: they are no longer of those that are in.
+template <class Space>
+void ClosureJudge<Space>::note_set_aside() noexcept {
+  if (set_aside_ == graph_.overflows()) return;
+  set_aside_ = graph_.overflows();
+  for (int k = 0; k < closure_count_; ++k) {
+    const int factor = closures_[k];
+    if (!graph_.graph().factor(factor).state.aside || state_[factor] == ClosureState::kForced)
+      continue;
+    turn(factor, ClosureState::kNoRoom);
+    graph_.set_weight(factor, 0.0);
+  }
 }
 
 template <class Space>

@@ -20,6 +20,7 @@ enum class ClosureState : std::uint8_t {
   kAccepted,  ///< weight 1
   kRejected,  ///< weight 0; tested again as the graph changes
   kForced,    ///< by hand, either way: never tested
+  kNoRoom,    ///< would count, but its elimination does not fit in memory
 };
 
 /// How much a closure must show before it counts.
@@ -73,11 +74,15 @@ class ClosureJudge {
   [[nodiscard]] std::span<const int> closures() const noexcept {
     return closures_.first(static_cast<std::size_t>(closure_count_));
   }
+  /// How many are in.
+  [[nodiscard]] int accepted() const noexcept { return accepted_; }
   /// A factor that is taken out of the graph.
   void forget(int factor) noexcept;
 
-  /// All verdicts but those by hand are forgotten; closures wait, without weight.
-  void begin_anew() noexcept;
+  /// All verdicts but those by hand are forgotten; closures wait, without weight, and are gone
+  /// through in this order from now on.
+  /// @param order  all closures, and perhaps other factors
+  void begin_anew(std::span<const int> order) noexcept;
   [[nodiscard]] ClosureState state(int factor) const noexcept { return state_[factor]; }
   [[nodiscard]] Marginals<Space> &marginals() noexcept { return marginals_; }
 
@@ -105,6 +110,7 @@ class ClosureJudge {
   void accept(int factor) noexcept;
   void reject(int factor) noexcept;
   void measure_extent() noexcept;
+  void note_set_aside() noexcept;
 
   PoseGraph<Space> &graph_;
   JudgePolicy policy_;
@@ -115,7 +121,8 @@ class ClosureJudge {
   std::span<int> closures_;  ///< in order of arrival
   int closure_count_ = 0;
   int accepted_ = 0;
-  double doubt_ = 1.0;  ///< chance() of the closure considered last
+  std::uint64_t set_aside_ = 0;  ///< factors that the graph had no room for, as last looked at
+  double doubt_ = 1.0;           ///< chance() of the closure considered last
   int cursor_ = 0;
   double extent_ = 1.0;  ///< of the map, m
   int extent_nodes_ = 0;

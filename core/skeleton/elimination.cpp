@@ -16,6 +16,7 @@ Elimination<Space>::Elimination(Graph<Space>& graph, int max_blocks, Arena& aren
       anchored_{arena.make_array<double>(graph.max_nodes(), "skeleton/elimination")},
       nodes_{arena.make_array<int>(graph.max_nodes(), "skeleton/elimination")},
       last_{arena.make_array<int>(graph.max_nodes(), "skeleton/elimination")},
+      names_{arena.make_array<int>(graph.max_nodes(), "skeleton/elimination")},
       orphans_{arena.make_array<int>(graph.max_nodes(), "skeleton/elimination")} {}
 
 template <class Space>
@@ -54,6 +55,20 @@ void Elimination<Space>::touch_all(double damping, Model model) noexcept {
 }
 
 template <class Space>
+void Elimination<Space>::order_by_seniority(bool on) noexcept {
+  by_seniority_ = on;
+  ordering_.break_ties_by({});
+  if (!on) return;
+  int count = 0;
+  for (int i = 0; i < graph_.node_end(); ++i)
+    if (graph_.node(i).used) last_[count++] = i;
+  std::sort(last_.begin(), last_.begin() + count,
+            [&](int x, int y) { return graph_.node(x).seniority < graph_.node(y).seniority; });
+  for (int k = 0; k < count; ++k) names_[last_[k]] = k;
+  ordering_.break_ties_by(names_);
+}
+
+template <class Space>
 void Elimination<Space>::begin() noexcept {
   // Room for twice what the affected columns held; else first throw the garbage out.
   int held = 0;
@@ -69,6 +84,10 @@ void Elimination<Space>::begin() noexcept {
 template <class Space>
 void Elimination<Space>::prepare_ordering() noexcept {
   ordering_.clear();
+  if (by_seniority_) {
+    std::sort(nodes_.begin(), nodes_.begin() + count_,
+              [&](int x, int y) { return names_[x] < names_[y]; });
+  }
   for (int k = 0; k < count_; ++k)
     if (!work_[nodes_[k]].last) ordering_.add_variable(nodes_[k], false);
   for (int k = 0; k < last_count_; ++k) ordering_.add_variable(last_[k], true);

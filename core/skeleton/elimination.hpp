@@ -45,6 +45,9 @@ class Elimination {
   /// @param model  a relaxation: its factor serves no other purpose than to solve it
   void touch_all(double damping, Model model = Model::kExact) noexcept;
   void begin() noexcept;
+  /// From now on what a job comes to depends on the graph and its nodes' seniority alone, not on
+  /// who came first; or no longer. @pre no node comes or goes in between
+  void order_by_seniority(bool on) noexcept;
   [[nodiscard]] Result run(Allowance& allowance) noexcept;
   [[nodiscard]] bool busy() const noexcept { return phase_ != Phase::kIdle; }
   /// Gives the job up; the factor stays as it was. Possible before kCommitted, in the ordering
@@ -114,7 +117,9 @@ class Elimination {
   std::span<double> anchored_;  ///< the anchor's information that each node's column holds
   std::span<int> nodes_;        ///< of the job; in the new order once ordered
   std::span<int> last_;         ///< to keep last
-  std::span<int> orphans_;      ///< children of the job's nodes that are not in it
+  std::span<int> names_;        ///< places in the order of seniority
+  bool by_seniority_ = false;
+  std::span<int> orphans_;  ///< children of the job's nodes that are not in it
   std::int64_t job_ = 0;
   std::int64_t next_rank_ = 0;
   int count_ = 0;

@@ -30,6 +30,7 @@ struct FactorState {
   bool queued = false;      ///< waits to be evaluated
   bool stale = false;       ///< found worth linearising anew
   bool retired = false;     ///< to be freed: counts no more
+  bool aside = false;       ///< would count, if there were room for its elimination
 };
 
 /// A measurement between two nodes, and its last linearisation.

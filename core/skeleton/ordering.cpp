@@ -186,6 +186,11 @@ int Ordering::eliminate(int pivot, int at, int room) noexcept {
   p.eliminated = true;
   --remaining_;
   const int end = at + length;
+  if (!names_.empty()) {
+    std::sort(
+        slots_.begin() + at + 1, slots_.begin() + end,
+        [&](const ColumnSlot& x, const ColumnSlot& y) { return names_[x.row] < names_[y.row]; });
+  }
   measure_outside(pivot, at, end);
   for (int r = at + 1; r < end; ++r) {
     const int node = slots_[r].row;

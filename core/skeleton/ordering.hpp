@@ -26,6 +26,9 @@ class Ordering {
   /// @param slots  where rows of columns are kept: the elements' and those this writes
   Ordering(int max_nodes, int max_factors, std::span<ColumnSlot> slots, Arena& arena);
 
+  /// Ties are broken by these from now on, one a node, instead of by what came first: the order
+  /// then depends on the graph alone. Empty: as they come, which is quicker.
+  void break_ties_by(std::span<const int> names) noexcept { names_ = names; }
   /// Starts over with no variables.
   void clear() noexcept;
   /// Adds a variable. @param last it is eliminated after all that are not
@@ -74,6 +77,7 @@ class Ordering {
   void update_degree(int node, int pivot, int others) noexcept;
 
   std::span<ColumnSlot> slots_;
+  std::span<const int> names_;
   std::span<Item> item_;
   std::span<int> bucket_;
   std::span<int> edges_;

@@ -119,6 +119,7 @@ void PoseGraph<Space>::link_in(int factor) noexcept {
     hang(f.b, f.a, factor);
   }
   f.state.active = true;
+  f.state.aside = false;
   mark_dirty(factor);
   const typename Space::Tangent e = measure::error(f, relative_pose(graph_, f));
   pending_ += f.weight * e.dot(weigh(f, e));
@@ -290,6 +291,7 @@ void PoseGraph<Space>::set_weight(int factor, double weight) noexcept {
   if (weight == 0.0) {
     if (f.kind == FactorKind::kPrior && f.state.active) release_prior(factor);
     stepper_.withdraw(factor);
+    f.state.aside = false;
     const bool counted = std::exchange(f.state.active, false);
     if (counted && !f.state.retired && f.b != kNone && f.kind == FactorKind::kBetween)
       split_if_apart(f.a, f.b);

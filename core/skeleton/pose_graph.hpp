@@ -137,6 +137,11 @@ class PoseGraph {
   }
   /// Factors set aside because their elimination did not fit in the pool of blocks.
   [[nodiscard]] std::uint64_t overflows() const noexcept { return overflows_; }
+  /// Those count again.
+  void recall_set_aside() noexcept;
+  /// Eliminations depend on the graph and its nodes' seniority alone, not on who came first, from
+  /// now on, and begin from nothing; or no longer. @pre no node comes or goes in between
+  void order_by_seniority(bool on) noexcept;
 
  private:
   void mark_dirty(int factor) noexcept;
@@ -164,6 +169,7 @@ class PoseGraph {
   void drop_columns() noexcept;
   void overcome_overflow() noexcept;
   void set_factors_aside() noexcept;
+  [[nodiscard]] int gather_spare_links() noexcept;
   void place_fresh_nodes() noexcept;
   [[nodiscard]] int support(int node) const noexcept;
   void hang_anew() noexcept;
@@ -199,6 +205,7 @@ class PoseGraph {
   bool fresh_job_ = false;  ///< the job under way linearises everything
   int misled_ = 0;          ///< steps that gained too little, since the last convergence
   bool flushing_ = false;
+  bool by_seniority_ = false;
   Model relaxed_ = Model::kExact;  ///< of a new start under way
   bool job_first_ = false;         ///< before the next step
   bool refresh_ = false;           ///< everything is to be linearised anew, when idle

@@ -2,8 +2,10 @@
 // Eliminations: what goes into one, what follows from it, what is done when it does not fit.
 #include <algorithm>
 #include <cmath>
+#include <tuple>
 #include <utility>
 
+#include "core/skeleton/forwarding.hpp"
 #include "core/skeleton/pose_graph.hpp"
 
 namespace maplet {
@@ -22,8 +24,21 @@ void PoseGraph<Space>::start_fresh_job(double damping, Model model) noexcept {
   }
   fresh_job_ = true;
   elimination_.touch_all(damping, model);
-  if (newest_ != kNone) elimination_.keep_last(newest_);
+  if (newest_ != kNone && !by_seniority_) elimination_.keep_last(newest_);
   elimination_.begin();
+}
+
+template <class Space>
+void PoseGraph<Space>::order_by_seniority(bool on) noexcept {
+  by_seniority_ = on;
+  elimination_.order_by_seniority(on);
+  if (!on) return;
+  if (elimination_.busy()) elimination_.abandon();
+  for (int k = 0; k < job_count_; ++k) graph_.factor(job_[k]).state.in_job = false;
+  job_count_ = misled_ = 0;
+  drop_columns();
+  stepper_.take_stale([](int) {});
+  stepper_.forget_step();
 }
 
 template <class Space>
@@ -49,7 +64,7 @@ void PoseGraph<Space>::start_job() noexcept {
     elimination_.touch(f.a);
     if (f.b != kNone) elimination_.touch(f.b);
   }
-  if (newest_ != kNone && graph_.node(newest_).first_incidence != kNone) {
+  if (newest_ != kNone && graph_.node(newest_).first_incidence != kNone && !by_seniority_) {
     elimination_.touch(newest_);
     elimination_.keep_last(newest_);
   }
@@ -87,22 +102,71 @@ void PoseGraph<Space>::overcome_overflow() noexcept {
   }
 }
 
-// An eighth of the factors, the newest that no node hangs by.
+// An eighth of what can be spared, drawn by the nodes' seniority alone. What holds the groups
+// together stays, odometry before closures; sights, few of which fix nothing, go after all others.
 template <class Space>
 void PoseGraph<Space>::set_factors_aside() noexcept {
-  int wanted = std::max(1, graph_.factor_count() / 8);
-  for (int i = graph_.factor_end() - 1; i >= 0 && wanted > 0; --i) {
-    Factor<Space>& f = graph_.factor(i);
-    if (!f.state.active) continue;
-    int oldest = i;
-    graph_.for_each_incident(std::max(f.a, f.b),
-                             [&](int at, int) { oldest = std::min(oldest, at); });
-    if (oldest == i) continue;
-    f.state.active = false;
-    stepper_.withdraw(i);
-    ++overflows_;
-    --wanted;
+  int spare = gather_spare_links();
+  if (spare == 0) {
+    for (int i = graph_.factor_end() - 1; i >= 0; --i)
+      if (graph_.factor(i).state.active && measure::is_sight(graph_.factor(i).kind))
+        job_[spare++] = i;
   }
+  for (int k = 0; k < (spare + 7) / 8; ++k) {
+    graph_.factor(job_[k]).state.active = false;
+    graph_.factor(job_[k]).state.aside = true;
+    stepper_.withdraw(job_[k]);
+    ++overflows_;
+  }
+}
+
+template <class Space>
+void PoseGraph<Space>::recall_set_aside() noexcept {
+  for (int i = 0; i < graph_.factor_end(); ++i)
+    if (graph_.factor(i).state.aside) link_in(i);
+}
+
+// Into job_: the relative poses without which everything would still hang together, in the order of
+// a draw. @return how many
+template <class Space>
+int PoseGraph<Space>::gather_spare_links() noexcept {
+  const auto names = [&](int factor) {
+    const Seniority& a = graph_.node(graph_.factor(factor).a).seniority;
+    const Seniority& b = graph_.node(graph_.factor(factor).b).seniority;
+    return std::minmax(a, b);
+  };
+  const auto draw = [&](int factor) {
+    const auto [a, b] = names(factor);
+    return hash_of(hash_of(hash_of(a.high + 1) ^ a.low) ^ hash_of(hash_of(b.high + 2) ^ b.low));
+  };
+  const auto nearness = [&](int factor) {
+    const auto [a, b] = names(factor);
+    return std::tuple{a.high != b.high, b.low > a.low ? b.low - a.low : a.low - b.low, draw(factor),
+                      factor};
+  };
+  int count = 0;
+  for (int i = 0; i < graph_.factor_end(); ++i)
+    if (graph_.factor(i).state.active && graph_.factor(i).kind == FactorKind::kBetween)
+      job_[count++] = i;
+  std::sort(job_.begin(), job_.begin() + count,
+            [&](int x, int y) { return nearness(x) < nearness(y); });
+  for (int i = 0; i < graph_.node_end(); ++i) stack_[i] = i;
+  const auto part = [&](int node) {
+    while (stack_[node] != node) node = stack_[node] = stack_[stack_[node]];
+    return node;
+  };
+  int spare = 0;
+  for (int k = 0; k < count; ++k) {
+    const Factor<Space>& f = graph_.factor(job_[k]);
+    const int a = part(f.a);
+    const int b = part(f.b);
+    if (a == b) job_[spare++] = job_[k];
+    stack_[a] = b;
+  }
+  std::sort(job_.begin(), job_.begin() + spare, [&](int x, int y) {
+    return std::tuple{draw(x), x} < std::tuple{draw(y), y};
+  });
+  return spare;
 }
 
 template <class Space>
@@ -134,7 +198,10 @@ void PoseGraph<Space>::finish_job() noexcept {
   template void PoseGraph<Space>::start_job() noexcept;                    \
   template void PoseGraph<Space>::drop_columns() noexcept;                 \
   template void PoseGraph<Space>::overcome_overflow() noexcept;            \
+  template void PoseGraph<Space>::order_by_seniority(bool) noexcept;       \
   template void PoseGraph<Space>::set_factors_aside() noexcept;            \
+  template void PoseGraph<Space>::recall_set_aside() noexcept;             \
+  template int PoseGraph<Space>::gather_spare_links() noexcept;            \
   template void PoseGraph<Space>::finish_job() noexcept;
 MAPLET_INSTANTIATE(PlanarSpace)
 MAPLET_INSTANTIATE(SpatialSpace)

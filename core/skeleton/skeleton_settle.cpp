@@ -9,6 +9,8 @@ namespace maplet {
 
 namespace {
 constexpr int kMostReviews = 30;
+constexpr int kUnheard =
+    16;  // so many closures that are in, for one that the next does not know of
 constexpr double kStep = 1e-9;  // m, rad
 }  // namespace
 
@@ -55,7 +57,8 @@ void Skeleton::start_canonically() noexcept {
 }
 
 // Closures between two agents first stand or fall as a set; then each one by itself, as they would
-// have come in the order of their keys.
+// have come in the order of their keys. The more are in already, the less one of them tells about
+// the next: what is new is eliminated once for a share of them.
 void Skeleton::judge_all() noexcept {
   std::fill(late_.begin(), late_.end(), false);
   int closures = 0;
@@ -69,11 +72,17 @@ void Skeleton::judge_all() noexcept {
     if (!agrees) judge_.bar(factor);
     late_[factor] = size < 2;  // nothing bears it out: once the others have said what they know
   });
+  int unheard = 0;  // accepted since the last elimination
   for (const bool late : {false, true})
     for (const int factor : list) {
       if (judge_.state(factor) == ClosureState::kRejected || late_[factor] != late) continue;
-      solver_.flush();
+      if (unheard > judge_.accepted() / kUnheard) {
+        solver_.flush();
+        unheard = 0;
+      }
+      const int before = judge_.accepted();
       judge_.consider(factor);
+      unheard += judge_.accepted() - before;
     }
 }
 
@@ -82,8 +91,10 @@ bool Skeleton::settle(Deadline deadline) noexcept {
   if (deadline.expired()) return false;
   decide_waiting(Deadline::never());
   solver_.flush();
-  judge_.begin_anew();
   sort_by_key();
+  judge_.begin_anew(order_.first(static_cast<std::size_t>(factor_count_)));
+  solver_.recall_set_aside();
+  solver_.order_by_seniority(true);
   start_canonically();
   (void)solver_.optimise(Deadline::never());
   judge_all();
@@ -93,6 +104,7 @@ bool Skeleton::settle(Deadline deadline) noexcept {
     solver_.flush();
   }
   canonical_ = !deadline.expired() && solver_.polish(kStep);
+  solver_.order_by_seniority(false);
   report_.chi2 = solver_.chi2();
   return canonical_;
 }

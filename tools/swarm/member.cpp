@@ -32,7 +32,6 @@ Member::Member(const SwarmConfig& config, Life life, int records, int maplets, I
   SkeletonConfig skeleton;
   skeleton.max_nodes = maplets;
   skeleton.max_factors = records + 16;
-  skeleton.blocks_per_node = 48;  // paths that cross again and again
   skeleton.condense = false;
   skeleton_arena_.emplace();
   skeleton_ = skeleton_arena_->make<Skeleton>("skeleton", skeleton, *skeleton_arena_);
