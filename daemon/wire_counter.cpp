@@ -8,6 +8,10 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <array>
+#include <span>
+
 #include "transport/dds/wire_meter.hpp"
 
 namespace {
@@ -18,14 +22,27 @@ std::size_t bytes_of(const msghdr& message) noexcept {
   return bytes;
 }
 
+std::span<const std::byte> head_of(const msghdr& message, std::span<std::byte> place) noexcept {
+  std::size_t size = 0;
+  for (std::size_t i = 0; i < message.msg_iovlen && size < place.size(); ++i) {
+    const iovec& part = message.msg_iov[i];
+    const std::size_t bytes = std::min(part.iov_len, place.size() - size);
+    std::copy_n(static_cast<const std::byte*>(part.iov_base), bytes, place.data() + size);
+    size += bytes;
+  }
+  return place.first(size);
+}
+
 /// Whether it is the radio's, and over its limit.
 bool held_back(const msghdr* message) noexcept {
   if (message == nullptr || message->msg_name == nullptr) return false;
   const auto* address = static_cast<const sockaddr*>(message->msg_name);
   if (address->sa_family != AF_INET) return false;
   const auto* to = static_cast<const sockaddr_in*>(message->msg_name);
-  return maplet::WireMeter::watched(ntohs(to->sin_port)) &&
-         !maplet::WireMeter::pass(bytes_of(*message), maplet::MonotonicClock{}.now());
+  if (!maplet::WireMeter::watched(ntohs(to->sin_port))) return false;
+  std::array<std::byte, 64> head;
+  return !maplet::WireMeter::pass(head_of(*message, head), bytes_of(*message),
+                                  maplet::MonotonicClock{}.now());
 }
 
 }  // namespace

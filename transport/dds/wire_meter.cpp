@@ -6,6 +6,8 @@
 #include <mutex>
 #include <numeric>
 
+#include "transport/dds/handshake_pace.hpp"
+
 namespace maplet {
 
 namespace {
@@ -41,6 +43,20 @@ class Window {
 
 Window window;
 
+/// What DDS Security says to those whom it does not know.
+struct Introductions {
+  std::mutex mutex;
+  HandshakePace pace;
+  Window window;
+
+  bool allow(const GuidPrefix& to, std::size_t bytes, std::uint64_t most, Instant now) noexcept {
+    const std::scoped_lock lock{mutex};
+    return pace.allows(to, now) && window.add(bytes, most / 2, now);
+  }
+};
+
+Introductions introductions;
+
 }  // namespace
 
 std::atomic<bool> WireMeter::available{false};
@@ -58,6 +74,16 @@ bool WireMeter::pass(std::size_t payload, Instant now) noexcept {
   bytes.fetch_add(payload + kIpUdpBytes, std::memory_order_relaxed);
   datagrams.fetch_add(1, std::memory_order_relaxed);
   return true;
+}
+
+bool WireMeter::pass(std::span<const std::byte> head, std::size_t payload, Instant now) noexcept {
+  const auto to = introduced_to(head);
+  if (to && !introductions.allow(*to, payload + kIpUdpBytes,
+                                 most_in_a_window.load(std::memory_order_relaxed), now)) {
+    held_back.fetch_add(1, std::memory_order_relaxed);
+    return false;
+  }
+  return pass(payload, now);
 }
 
 }  // namespace maplet

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 
 #include "core/base/clock.hpp"
 
@@ -37,7 +38,12 @@ struct WireMeter {
     const std::uint32_t first = first_port.load(std::memory_order_relaxed);
     return first != 0 && port >= first && port < first + kPortsOfDomain;
   }
+  /// @param head  its first bytes: introductions to strangers have a pace (HandshakePace) and,
+  /// where
+  ///   there is a limit, half of it
   /// @return whether a datagram may go; counted as sent, or as held back
+  [[nodiscard]] static bool pass(std::span<const std::byte> head, std::size_t payload,
+                                 Instant now) noexcept;
   [[nodiscard]] static bool pass(std::size_t payload, Instant now) noexcept;
 };
 
