@@ -2,9 +2,12 @@
 #include "tools/mapletctl/command_line.hpp"
 
 #include <fmt/core.h>
+#include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <cmath>
 #include <cstdio>
+#include <cstdlib>
 
 namespace maplet::ctl {
 
@@ -44,6 +47,11 @@ Argument& Argument::range(int min, int max) {
 
 Argument& Argument::range(double min, double max) {
   option_->check(CLI::Range(min, max));
+  option_->check([=](const std::string& text) {  // nan is neither below nor above
+    return std::isnan(std::strtod(text.c_str(), nullptr))
+               ? fmt::format("Value {} not in range [{:g} - {:g}]", text, min, max)
+               : std::string{};
+  });
   return *this;
 }
 

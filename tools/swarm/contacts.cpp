@@ -50,6 +50,10 @@ void Contacts::read(const std::string& path) {
     --m.a, --m.b;
     meetings_.push_back(m);
   }
+  if (in.bad())
+    throw std::invalid_argument{fmt::format("contacts '{}': cannot be read; is it a file?", path)};
+  if (meetings_.empty())
+    throw std::invalid_argument{fmt::format("contacts '{}': there is no meeting in it", path)};
 }
 
 // A free agent looks for another one often enough that meetings, both kinds of them, come at

@@ -76,9 +76,18 @@ std::string names_problem(const Ros2Config& config) {
       config.map_frame == config.base_frame) {
     return "ros2: map_frame, odom_frame and base_frame must be three names";
   }
+  const std::string odometry = dds_topic(config.name_space, config.odometry_topic);
+  for (const std::string& other :
+       {dds_topic(config.name_space, "path"), dds_topic(config.name_space, "map_markers"),
+        std::string{"rt/tf"}, std::string{"rt/diagnostics"}}) {
+    if (odometry != other) continue;
+    return fmt::format(
+        "ros2.odometry_topic = '{}' is a topic of another type that mapletd publishes: give the "
+        "odometry a name of its own, as odom",
+        config.odometry_topic);
+  }
   if (config.enabled && !config.external_odometry.empty() &&
-      dds_topic(config.name_space, config.external_odometry) ==
-          dds_topic(config.name_space, config.odometry_topic)) {
+      dds_topic(config.name_space, config.external_odometry) == odometry) {
     return fmt::format(
         "ros2.external_odometry = '{}' is the topic that mapletd publishes: name the other "
         "odometry's, or give ours another name with ros2.odometry_topic",

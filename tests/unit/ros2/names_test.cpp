@@ -28,6 +28,15 @@ TEST(RosNames, WhatRosRefusesIsRefusedWithTheKey) {
   EXPECT_NE(names_problem(frames), "");
 }
 
+TEST(RosNames, OdometryTakesNoOtherTopicOfOurs) {
+  for (const char* taken : {"path", "/robot1/map_markers", "/tf", "/diagnostics"}) {
+    Ros2Config config;
+    config.name_space = "robot1";
+    config.odometry_topic = taken;
+    EXPECT_NE(names_problem(config).find("ros2.odometry_topic"), std::string::npos) << taken;
+  }
+}
+
 TEST(RosNames, NobodyListensToItself) {
   Ros2Config config;
   config.external_odometry = "/odom";

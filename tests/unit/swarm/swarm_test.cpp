@@ -100,6 +100,9 @@ TEST(Swarm, WrongContactsAndWorldsAreSaidWithTheirLine) {
     return std::string{};
   };
   EXPECT_NE(complaint("/nowhere/at all").find("a file that can be read"), std::string::npos);
+  EXPECT_NE(complaint("/tmp").find("is it a file?"), std::string::npos);
+  EXPECT_NE(complaint(written("maplet_swarm_empty", "# later\n")).find("no meeting"),
+            std::string::npos);
   for (const char* line : {"1 2 3", "0 10 1 99", "0 10 2 2", "10 0 1 2", "nan 4 1 2", "a b c d"}) {
     const std::string path = written("maplet_swarm_bad", std::string{"\n"} + line + "\n");
     EXPECT_NE(complaint(path).find(path + ":2: "), std::string::npos) << line;
