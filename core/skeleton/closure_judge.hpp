@@ -55,8 +55,8 @@ class ClosureJudge {
   ClosureJudge(PoseGraph<Space> &graph, Arena &arena, const JudgePolicy &policy = {},
                const OdometryChains<Space> *chains = nullptr);
 
-  /// A closure that has been added with weight 0: decides now. @pre the graph
-  /// is flushed
+  /// A closure that has been added with weight 0: decides now, given what the
+  /// graph has eliminated. @pre its nodes are; verdicts since need not be
   /// @param compare  with those that wait, where its own test is blunt
   void consider(int factor, bool compare = true) noexcept;
   /// Tests some of the others again, `count` of them.

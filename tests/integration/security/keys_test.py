@@ -155,13 +155,17 @@ class Keys(unittest.TestCase):
         done = json.loads(self.keys("revoke", "3", "2", "--json"))
         self.assertEqual((done["generation"], done["robots"], done["again"]), (3, 1, False))
 
-    def test_nothing_goes_back_before_a_revocation(self):
+    def lose_robot_3(self):
+        """A team that has revoked it; its notice and an empty folder for an agent's state."""
         self.make_team()
         self.keys("agent", "3")
         self.keys("revoke", "3")
-        good = Path(f"{self.dir}/team/newest.notice").read_bytes()
         state = Path(f"{self.dir}/state")
         state.mkdir()
+        return Path(f"{self.dir}/team/newest.notice").read_bytes(), state
+
+    def test_nothing_goes_back_before_a_revocation(self):
+        good, state = self.lose_robot_3()
         for folder in (Path(f"{self.dir}/team/agent-1"), state):
             for text in (b"", os.urandom(300), good[:200], good[:-30], b"A".join(good.split(b"M", 1))):
                 (folder / "newest.notice").write_bytes(text)
@@ -190,12 +194,7 @@ class Keys(unittest.TestCase):
         return next(row for row in json.loads(done.stdout) if row["name"] == "security")
 
     def test_show_and_check_say_what_the_daemon_will(self):
-        self.make_team()
-        self.keys("agent", "3")
-        self.keys("revoke", "3")
-        good = Path(f"{self.dir}/team/newest.notice").read_bytes()
-        state = Path(f"{self.dir}/state")
-        state.mkdir()
+        good, state = self.lose_robot_3()
         (state / "newest.notice").write_bytes(good)
         self.assertIn("generation 1", self.check(1)["detail"])
         self.assertIn("generation 2", self.check(1, "--state", state)["detail"])
