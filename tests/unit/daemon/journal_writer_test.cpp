@@ -210,7 +210,8 @@ TEST(JournalWriter, WritesLittleMoreThanItRecords) {
       waiting += bytes;
       recorded += static_cast<double>(bytes);
     }
-    const std::size_t pages = journal::pages_of(waiting) * journal::kPageBytes;
+    const std::size_t pages =
+        static_cast<std::size_t>(journal::pages_of(waiting)) * journal::kPageBytes;
     if (waiting == 0 || !budget.allows(pages, now)) continue;
     budget.wrote(pages);
     written += static_cast<double>(pages);

@@ -37,7 +37,7 @@ TEST(Damage, AFlippedBitAnywhereIsSetRight) {
   int mended = 0;
   for (int i = 0; i < 300; ++i) {
     ModelFile file = good;
-    const std::size_t at = rng() % used;
+    const std::size_t at = static_cast<std::size_t>(rng() % used);
     file.bytes()[at] ^= std::byte{1} << rng() % 8;
     const Survey survey = survey_of(file);
     const Contents found = contents_of(file);
@@ -59,7 +59,7 @@ TEST(Damage, WhatLiesBeforeACutIsThere) {
   const std::uint64_t used = survey_of(whole).end;
   for (int i = 0; i < 300; ++i) {
     ModelFile file = good;
-    const std::size_t size = rng() % used;
+    const std::size_t size = static_cast<std::size_t>(rng() % used);
     // Where turns end, of those that are whole.
     std::uint32_t before = 0;
     {
@@ -70,7 +70,8 @@ TEST(Damage, WhatLiesBeforeACutIsThere) {
       std::uint64_t at = 0;
       for (std::uint32_t k = 0; k < kTurns; ++k) {
         std::uint32_t ignored = 0;
-        const auto head = read_head(std::span{copy.bytes()}.subspan(at, kHeadBytes), ignored);
+        const auto head = read_head(
+            std::span{copy.bytes()}.subspan(static_cast<std::size_t>(at), kHeadBytes), ignored);
         if (at + kHeadBytes + head->payload_bytes <= size) ++before;
         at += pages_of(head->payload_bytes) * kPageBytes;
       }
