@@ -41,6 +41,8 @@ int main(int argc, char** argv) {
   app.add_option("--lines", options.lines, "What mapletctl match --json printed");
   app.add_option("--plot", options.plot, "SVG of mode deadline");
   app.add_option("--stored", options.stored, "Maplets in the index");
+  app.add_flag("--verified", options.verified,
+               "Mode pairs: with the verdict, as mapletctl register");
   app.add_option("--uneven-m", options.registration.uneven_m, "As registration.uneven_m");
   app.add_option("--uneven-rad", options.registration.uneven_rad, "As registration.uneven_rad");
   app.add_flag("--verbose", options.verbose, "A line a try");

@@ -20,6 +20,7 @@ struct Options {
   std::string lines;
   std::string plot;
   bool verbose = false;
+  bool verified = false;  ///< pairs: the verdict looks for better answers, too
   RegistrationConfig registration;
 };
 

@@ -11,6 +11,7 @@
 #include "bench/registration_plot.hpp"
 #include "bench/timing.hpp"
 #include "core/registration/icap.hpp"
+#include "core/registration/verdict.hpp"
 
 namespace maplet::bench {
 
@@ -59,6 +60,19 @@ class CpuClock final : public Clock {
 
 void report_pairs(const Options& options, const Runs& runs) {
   const auto icap = std::make_unique<Icap>(options.registration);
+  const auto verifier = std::make_unique<Verifier>(options.registration);
+  Verdict verdict = Verdict::kUndecided;
+  int accepted = 0;
+  int accepted_wrong = 0;
+  const auto align = [&](const Maplet& a, const Maplet& b,
+                         const Se3& guess) -> Expected<MapletAlignment> {
+    const Transform<MapletA, MapletB> T{guess};
+    if (!options.verified) return icap->align(a, b, T, 0.6, 0.35, Deadline::never());
+    const Closure c = verifier->verify(a, b, T, 0.6, 0.35, Prior::kGuess, Deadline::never());
+    verdict = c.judgement.verdict;
+    if (!c.aligned) return fail(ErrorCode::kNoOverlap, "no alignment");
+    return c.alignment;
+  };
   std::mt19937 rng{1};
   std::vector<double> m, deg, us, nees, us64;
   int tries = 0;
@@ -68,8 +82,7 @@ void report_pairs(const Options& options, const Runs& runs) {
     for (int i = 0; i < options.guesses; ++i) {
       const Se3 guess = T * perturbation(rng, 0.5, 15.0);
       const double before = cpu_us();
-      const auto out = icap->align(*a.maplet, *b.maplet, Transform<MapletA, MapletB>{guess}, 0.6,
-                                   0.35, Deadline::never());
+      const auto out = align(*a.maplet, *b.maplet, guess);
       const double took = cpu_us() - before;
       ++tries;
       us.push_back(took);
@@ -78,6 +91,7 @@ void report_pairs(const Options& options, const Runs& runs) {
       const Error e = error_of(out->T_a_b.se3, T);
       const bool ok = e.m < 0.03 && e.deg < 0.5;
       good += ok ? 1 : 0;
+      if (options.verified && verdict == Verdict::kAccept) ++(ok ? accepted : accepted_wrong);
       off_with_free_axes += !ok && !out->free_axes.empty() ? 1 : 0;
       m.push_back(e.m);
       deg.push_back(e.deg);
@@ -94,6 +108,8 @@ void report_pairs(const Options& options, const Runs& runs) {
       }
     }
   });
+  if (options.verified)
+    fmt::print("{} accepted, {} of them off\n", accepted + accepted_wrong, accepted_wrong);
   double sum = 0.0;
   for (const double n : nees) sum += n;
   fmt::print(

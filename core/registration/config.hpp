@@ -20,12 +20,11 @@ struct RegistrationConfig {
   double search_m = 4.0;
   int accept_matches = 5;
   double accept_overlap = 0.2;
-  double accept_overlap_alone = 0.3;
   double accept_chi2_per_dof = 2.0;
   double accept_conflict = 0.08;
   double accept_detail = 2.0;
-  double accept_sigma_m = 0.1;
-  double accept_sigma_rad = 0.03;
+  double accept_sigma_m = 0.025;
+  double accept_sigma_rad = 0.0175;
   double reject_chi2_per_dof = 6.0;
   double reject_conflict = 0.3;
 
@@ -55,8 +54,6 @@ struct RegistrationConfig {
        "A closure needs this many pairs of planes"},
       {"accept_overlap", &RegistrationConfig::accept_overlap, 0.0, 1.0,
        "A closure needs this share of the smaller maplet's area on pairs"},
-      {"accept_overlap_alone", &RegistrationConfig::accept_overlap_alone, 0.0, 1.0,
-       "The same without a guess: origins far from what both saw are known badly"},
       {"accept_chi2_per_dof", &RegistrationConfig::accept_chi2_per_dof, 0.1, 100.0,
        "A closure's planes must fit at least this well"},
       {"accept_conflict", &RegistrationConfig::accept_conflict, 0.0, 1.0,

@@ -15,7 +15,12 @@ struct Evidence {
   double small_agreed = 0.0;
 
   static constexpr double kSmall_m2 = 1.0;
+  static constexpr double kContradictionCosts = 2.0;  ///< times what agreement brings
 
+  /// What it says for the transform, contradictions held against it.
+  [[nodiscard]] double value() const noexcept {
+    return agreed - kContradictionCosts * contradicted;
+  }
   /// Share of what was looked for that was not there, 0..1.
   [[nodiscard]] double contradiction() const noexcept {
     return contradicted / (agreed + contradicted + 1e-9);

@@ -13,8 +13,8 @@ namespace maplet {
 
 namespace {
 
-constexpr double kPriorDof = 4.0;
-constexpr double kCommonShare = 0.1;  // of the planes' variances that they have in common
+constexpr double kPriorDof = 1.0;
+constexpr double kCommonShare = 0.003;  // of the planes' variances that they have in common
 constexpr double kConverged_m = 2e-4;
 constexpr double kConverged_rad = 1e-4;
 constexpr double kVotesGate_m = 0.2;  // wider ones begin with votes
@@ -40,7 +40,7 @@ struct Common {
   double rad2 = 0.0;
 };
 
-Common common_of(std::span<const PlanePair> pairs) noexcept {
+Common common_of(std::span<const PlanePair> pairs, double scale) noexcept {
   Common out;
   double total = 0.0;
   for (const PlanePair& pair : pairs) {
@@ -50,7 +50,7 @@ Common common_of(std::span<const PlanePair> pairs) noexcept {
     out.rad2 += w * 0.5 * (sum(0, 0) + sum(1, 1));
     total += w;
   }
-  const double share = kCommonShare / std::max(1e-9, total);
+  const double share = scale * kCommonShare / std::max(1e-9, total);
   return {share * out.m2, share * out.rad2};
 }
 
@@ -218,20 +218,20 @@ void Icap::conclude(const Maplet&, const Maplet&, const Se3& T, MapletAlignment&
   out.T_a_b = Transform<MapletA, MapletB>{T};
   const double dof = std::max(1.0, 3.0 * count - known);
   out.chi2_per_dof = sums.chi2 / dof;
-  // Residuals say how large errors are; a few of them do not say it well.
-  const double scale = (kPriorDof + sums.chi2) / (kPriorDof + dof);
+  // Residuals say how large errors are, those of the pairs that hold the answer most of all; a few
+  // of them do not say it well.
+  const double scale =
+      (kPriorDof + dof * leverage_chi2(pairs, T, seen.step_inverse)) / (kPriorDof + dof);
   out.information = seen.information / scale;
   out.covariance = seen.covariance * scale;
-  add_common(common_of(pairs), sums.pivot, out);
+  add_common(common_of(pairs, std::min(1.0, scale)), sums.pivot, out);
   if (planar_) out.covariance = planar_->restrict_covariance(out.covariance);
   out.free_axes = seen.free_axes;
   out.matches = static_cast<std::uint16_t>(pairs.size());
   out.rms_m = std::sqrt(sums.squares_m2 / std::max(1.0, count));
-  double shared = 0.0;
-  for (const PlanePair& pair : pairs) shared += pair.area_m2;
   out.worth = pairs_.worth();
-  out.overlap =
-      std::min(1.0, shared / std::max(1e-6, std::min(pairs_.area_a_m2(), pairs_.area_b_m2())));
+  out.overlap = std::min(
+      1.0, pairs_.shared_m2() / std::max(1e-6, std::min(pairs_.area_a_m2(), pairs_.area_b_m2())));
 }
 
 double Icap::doubt(MapletAlignment& alignment) const noexcept {

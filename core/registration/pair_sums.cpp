@@ -7,6 +7,8 @@ namespace maplet {
 
 namespace {
 
+constexpr double kMostLeverage = 2.7;  // of 3: its own residual says nothing then
+
 // eq. 6: its derivative by xi in T exp(xi).
 Eigen::Matrix<double, 3, 6> jacobian(const PlanePair& pair, const Se3& T) noexcept {
   PlaneTangent at_b = pair.tangent.moved(T.inverse());
@@ -75,6 +77,23 @@ Matrix6d leave_one_out(std::span<const PlanePair> pairs, const Se3& T,
     out += step * step.transpose();
   }
   return to_b * out * to_b.transpose();
+}
+
+double leverage_chi2(std::span<const PlanePair> pairs, const Se3& T,
+                     const Matrix6d& covariance) noexcept {
+  double sum = 0.0;
+  double total = 0.0;
+  for (const PlanePair& pair : pairs) {
+    const Eigen::Vector3d r = residual(pair, T);
+    const Eigen::Matrix<double, 3, 6> j = jacobian(pair, T);
+    const double chi2 = r.dot(pair.weight * r);
+    const double robust = robust_weight(chi2);
+    const double leverage =
+        std::min(kMostLeverage, (robust * pair.weight * j * covariance * j.transpose()).trace());
+    sum += leverage * robust * chi2 / (3.0 - leverage);  // eq. 11a
+    total += leverage;
+  }
+  return sum / std::max(1e-9, total);
 }
 
 }  // namespace maplet

@@ -44,4 +44,12 @@ struct PairSums {
 [[nodiscard]] Matrix6d leave_one_out(std::span<const PlanePair> pairs, const Se3& T,
                                      double free_sigma_m) noexcept;
 
+/// chi2 per degree of freedom, each pair counted by its leverage: how much of the answer rests on
+/// it. A pair that the answer follows has a small residual for that alone, which is undone.
+/// @param covariance  inverse of the pairs' information, zero along free axes; tangent of b
+///
+/// Math   docs/math/icap.md, eq. 11a
+[[nodiscard]] double leverage_chi2(std::span<const PlanePair> pairs, const Se3& T,
+                                   const Matrix6d& covariance) noexcept;
+
 }  // namespace maplet

@@ -9,7 +9,6 @@ namespace {
 
 constexpr double kGate_m = 0.2;  // of a guess: bins and axes are that coarse
 constexpr double kGate_rad = 0.15;
-constexpr double kContradictionCosts = 2.0;  // times what agreement brings
 // The same place, seen from another pair: what the paths between may have drifted.
 constexpr double kSame_m = 0.25;
 constexpr double kSame_rad = 0.1;
@@ -65,7 +64,7 @@ Stop PlaceVerifier::add(const Maplet& a, const Maplet& b, const PlaceCompare::Gu
     h.alignment = *found;
     h.doubt = icap_->doubt(h.alignment);
     h.evidence = weigh_evidence(a, b, found->T_a_b.se3);
-    h.value = h.evidence.agreed - kContradictionCosts * h.evidence.contradicted;
+    h.value = h.evidence.value();
     if (mine.size() < kPerPair) {
       hypotheses_[count_++] = h;
     } else if (h.value > mine.back().value) {
@@ -80,10 +79,6 @@ Stop PlaceVerifier::add(const Maplet& a, const Maplet& b, const PlaceCompare::Gu
     h.guessed = judge_alignment(h.alignment, h.evidence, Prior::kGuess, config_);
     if (h.guessed.verdict == Verdict::kAccept && !known_closely(h.alignment, config_)) {
       h.guessed = kNotClosely;
-    }
-    if (h.guessed.verdict == Verdict::kAccept &&
-        h.alignment.overlap < config_.accept_overlap_alone) {
-      h.guessed = {Verdict::kUndecided, "too little overlap"};
     }
     if (h.doubt > kMostDoubt) {
       for (Judgement* j : {&h.alone, &h.guessed}) {

@@ -12,6 +12,8 @@ namespace maplet {
 
 namespace {
 
+constexpr double kPartShare = 0.5;  // of a part, on the larger plane
+
 // Sets every stride-th occupied cell's centre: 64 cells at a time.
 void sample(const Maplet& m, PlaneFeature& feature) noexcept {
   const CellGrid& grid = feature.plane->grid;
@@ -106,6 +108,25 @@ double PlanePairs::worth() const noexcept {
   constexpr double kLargest_m2 = 1.5;
   double sum = 0.0;
   for (const PlanePair& pair : pairs_) sum += std::sqrt(std::min(pair.area_m2, kLargest_m2));
+  return sum;
+}
+
+double PlanePairs::shared_m2() const noexcept {
+  double sum = 0.0;
+  for (const PlanePair& pair : pairs_) sum += pair.area_m2;
+  const auto add_parts = [&sum](const auto& planes, const auto& best, const auto& best_back,
+                                const auto& others) {
+    for (std::size_t i = 0; i < planes.size(); ++i) {
+      const Best& b = best[i];
+      if (b.other < 0 || b.share < kPartShare) continue;
+      const auto other = static_cast<std::size_t>(b.other);
+      if (best_back[other].other == static_cast<int>(i)) continue;  // a pair
+      if (planes[i].plane->area_m2 <= others[other].plane->area_m2)
+        sum += b.share * planes[i].plane->area_m2;
+    }
+  };
+  add_parts(a_, best_of_a_, best_of_b_, b_);
+  add_parts(b_, best_of_b_, best_of_a_, a_);
   return sum;
 }
 

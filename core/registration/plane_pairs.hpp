@@ -55,6 +55,9 @@ class PlanePairs {
   }
   /// How much the pairs say together: large ones count alike.
   [[nodiscard]] double worth() const noexcept;
+  /// Area on surfaces that both have: of the pairs, and of planes that are another part of a pair's
+  /// surface (one to one keeps one part of what either maplet has in pieces).
+  [[nodiscard]] double shared_m2() const noexcept;
   [[nodiscard]] double area_a_m2() const noexcept { return area_a_m2_; }
   [[nodiscard]] double area_b_m2() const noexcept { return area_b_m2_; }
 

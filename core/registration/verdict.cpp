@@ -10,14 +10,24 @@ namespace {
 
 constexpr double kNear_m = 0.2;  // of the truth, once a region's planes have said where
 constexpr double kNear_rad = 0.15;
+constexpr double kSame_m = 0.03;
+constexpr double kSame_rad = 0.02;
 constexpr double kSamePlace_m = 0.1;
 constexpr double kSamePlace_rad = 0.05;
 constexpr double kStrict = 0.7;  // of the limits for fit and conflict, with nothing known before
+constexpr double kClearlyBetter = 1.1;  // times the evidence: the answer was a wrong one
+constexpr int kRounds = 2;
 constexpr double kNearlyAsGood = 0.8;  // of the best hypothesis' matched area and pairs
 
 // Matched area, less where the fit is bad.
 double score(const MapletAlignment& alignment) noexcept {
   return alignment.overlap / (1.0 + alignment.chi2_per_dof);
+}
+
+// Whether one start led to where another did.
+bool same(const Se3& x, const Se3& y) noexcept {
+  const Vector6d apart = (x.inverse() * y).log();
+  return apart.head<3>().norm() < kSame_m && apart.tail<3>().norm() < kSame_rad;
 }
 
 // Whether y is another place than the alignment's, free axes aside.
@@ -44,8 +54,7 @@ Judgement judge_alignment(const MapletAlignment& found, const Evidence& evidence
   }
   if (found.stop == Stop::kDeadline) return {Verdict::kUndecided, "no time left"};
   if (found.matches < config.accept_matches) return {Verdict::kUndecided, "too few planes"};
-  const double least = prior == Prior::kNone ? config.accept_overlap_alone : config.accept_overlap;
-  if (found.overlap < least) return {Verdict::kUndecided, "too little overlap"};
+  if (found.overlap < config.accept_overlap) return {Verdict::kUndecided, "too little overlap"};
   const double strict = prior == Prior::kNone ? kStrict : 1.0;
   if (found.chi2_per_dof > strict * config.accept_chi2_per_dof) {
     return {Verdict::kUndecided, "the planes fit badly"};
@@ -65,21 +74,27 @@ Judgement judge_alignment(const MapletAlignment& found, const Evidence& evidence
 
 Closure Verifier::verify(const Maplet& a, const Maplet& b, const Transform<MapletA, MapletB>& guess,
                          double gate_m, double gate_rad, Prior prior, Deadline deadline) noexcept {
+  Closure out = align(a, b, guess, gate_m, gate_rad, deadline);
+  judge(a, b, out, gate_m, gate_rad, prior, deadline);
+  return out;
+}
+
+Closure Verifier::align(const Maplet& a, const Maplet& b, const Transform<MapletA, MapletB>& guess,
+                        double gate_m, double gate_rad, Deadline deadline) noexcept {
   Closure out;
-  const auto alignment = align(a, b, guess, gate_m, gate_rad, deadline);
+  const auto alignment = find(a, b, guess, gate_m, gate_rad, deadline);
   if (!alignment) {
     out.judgement = {Verdict::kReject, alignment.error().what};
     return out;
   }
   out.aligned = true;
   out.alignment = *alignment;
-  out.judgement = judge(a, b, out, gate_m, gate_rad, prior, deadline);
   return out;
 }
 
-Expected<MapletAlignment> Verifier::align(const Maplet& a, const Maplet& b,
-                                          const Transform<MapletA, MapletB>& guess, double gate_m,
-                                          double gate_rad, Deadline deadline) noexcept {
+Expected<MapletAlignment> Verifier::find(const Maplet& a, const Maplet& b,
+                                         const Transform<MapletA, MapletB>& guess, double gate_m,
+                                         double gate_rad, Deadline deadline) noexcept {
   if (region_ != nullptr) {
     icap_.look_at(region_);
     const auto there = icap_.align(a, b, guess, gate_m, gate_rad, deadline);
@@ -92,42 +107,62 @@ Expected<MapletAlignment> Verifier::align(const Maplet& a, const Maplet& b,
   return icap_.align(a, b, guess, gate_m, gate_rad, deadline);
 }
 
-Judgement Verifier::judge(const Maplet& a, const Maplet& b, Closure& closure, double gate_m,
-                          double gate_rad, Prior prior, Deadline deadline) noexcept {
-  const MapletAlignment& found = closure.alignment;
-  const Evidence evidence = weigh_evidence(a, b, found.T_a_b.se3);
-  closure.conflict = evidence.contradiction();
-  const Judgement alone = judge_alignment(found, evidence, prior, config_);
-  if (alone.verdict != Verdict::kAccept) return alone;
-  const MapletAlignment best = found;
-  bool in_time = true;
-  if (ambiguous(a, b, best, gate_m, gate_rad, deadline, in_time)) {
-    return {Verdict::kUndecided, "another place fits nearly as well"};
+void Verifier::judge(const Maplet& a, const Maplet& b, Closure& closure, double gate_m,
+                     double gate_rad, Prior prior, Deadline deadline) noexcept {
+  if (!closure.aligned) return;
+  Judgement& out = closure.judgement;
+  for (int round = 0;; ++round) {
+    const Evidence evidence = weigh_evidence(a, b, closure.alignment.T_a_b.se3);
+    closure.conflict = evidence.contradiction();
+    out = judge_alignment(closure.alignment, evidence, prior, config_);
+    if (closure.alignment.stop == Stop::kDeadline) return;
+    const Rivals rivals =
+        look_beside(a, b, closure.alignment, evidence.value(), gate_m, gate_rad, deadline);
+    if (rivals.better && round < kRounds) {
+      closure.alignment = *rivals.better;
+      continue;
+    }
+    if (out.verdict != Verdict::kAccept) return;
+    if (rivals.better || rivals.as_good) {
+      out = {Verdict::kUndecided, "another place fits nearly as well"};
+    } else if (!rivals.in_time) {
+      out = {Verdict::kUndecided, "no time left"};
+    }
+    return;
   }
-  if (!in_time) return {Verdict::kUndecided, "no time left"};
-  return {Verdict::kAccept, "planes agree"};
 }
 
-// Starts again beside the best answer, as far as the gates reach.
-bool Verifier::ambiguous(const Maplet& a, const Maplet& b, const MapletAlignment& best,
-                         double gate_m, double gate_rad, Deadline deadline,
-                         bool& in_time) noexcept {
+// Starts again beside the answer, as far as the gates reach.
+Verifier::Rivals Verifier::look_beside(const Maplet& a, const Maplet& b,
+                                       const MapletAlignment& best, double value, double gate_m,
+                                       double gate_rad, Deadline deadline) noexcept {
+  Rivals out;
+  double most = kClearlyBetter * std::max(0.0, value);
   for (int axis = 0; axis < 3; ++axis) {
     for (const double side : {-1.0, 1.0}) {
       if (deadline.expired()) {
-        in_time = false;
-        return false;
+        out.in_time = false;
+        return out;
       }
       Vector6d step = Vector6d::Zero();
       step[axis] = side * gate_m;
       const Transform<MapletA, MapletB> start{best.T_a_b.se3 * Se3::exp(step)};
       const auto other = icap_.align(a, b, start, 0.6 * gate_m, 0.6 * gate_rad, deadline);
-      if (other && differ(best, other->T_a_b.se3) && score(*other) > kNearlyAsGood * score(best)) {
-        return true;
+      if (!other) continue;
+      const double worth = score(*other);
+      if (worth <= kNearlyAsGood * score(best)) continue;
+      out.as_good = out.as_good || differ(best, other->T_a_b.se3);
+      if (other->free_axes.size() > best.free_axes.size() || other->stop == Stop::kDeadline ||
+          same(best.T_a_b.se3, other->T_a_b.se3)) {
+        continue;
       }
+      const double found = weigh_evidence(a, b, other->T_a_b.se3).value();
+      if (found <= most) continue;
+      most = found;
+      out.better = *other;
     }
   }
-  return false;
+  return out;
 }
 
 }  // namespace maplet

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string_view>
 
 #include "core/registration/evidence.hpp"
@@ -77,17 +78,29 @@ class Verifier {
   [[nodiscard]] Closure verify(const Maplet& a, const Maplet& b,
                                const Transform<MapletA, MapletB>& guess, double gate_m,
                                double gate_rad, Prior prior, Deadline deadline) noexcept;
+  /// The first half of verify(): the alignment alone, with no verdict yet.
+  [[nodiscard]] Closure align(const Maplet& a, const Maplet& b,
+                              const Transform<MapletA, MapletB>& guess, double gate_m,
+                              double gate_rad, Deadline deadline) noexcept;
+  /// The second: looks for other answers a gate away along each axis and takes one whose evidence
+  /// is clearly better in place of the first, twice at most; then the verdict.
+  void judge(const Maplet& a, const Maplet& b, Closure& closure, double gate_m, double gate_rad,
+             Prior prior, Deadline deadline) noexcept;
 
  private:
-  [[nodiscard]] Expected<MapletAlignment> align(const Maplet& a, const Maplet& b,
-                                                const Transform<MapletA, MapletB>& guess,
-                                                double gate_m, double gate_rad,
-                                                Deadline deadline) noexcept;
-  [[nodiscard]] Judgement judge(const Maplet& a, const Maplet& b, Closure& closure, double gate_m,
-                                double gate_rad, Prior prior, Deadline deadline) noexcept;
-  [[nodiscard]] bool ambiguous(const Maplet& a, const Maplet& b, const MapletAlignment& best,
-                               double gate_m, double gate_rad, Deadline deadline,
-                               bool& in_time) noexcept;
+  [[nodiscard]] Expected<MapletAlignment> find(const Maplet& a, const Maplet& b,
+                                               const Transform<MapletA, MapletB>& guess,
+                                               double gate_m, double gate_rad,
+                                               Deadline deadline) noexcept;
+  struct Rivals {
+    std::optional<MapletAlignment> better;  ///< clearly: the answer was a wrong one
+    bool as_good = false;                   ///< another place, nearly
+    bool in_time = true;
+  };
+  /// @param value  of the evidence for `best`
+  [[nodiscard]] Rivals look_beside(const Maplet& a, const Maplet& b, const MapletAlignment& best,
+                                   double value, double gate_m, double gate_rad,
+                                   Deadline deadline) noexcept;
 
   RegistrationConfig config_;
   const RegionOfInterest* region_ = nullptr;

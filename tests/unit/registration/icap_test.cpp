@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Cholesky>
 #include <chrono>
 #include <memory>
 
@@ -80,6 +81,24 @@ TEST(Icap, FindsTheExactTransform) {
   EXPECT_EQ(out->matches, test::room().size());
   EXPECT_GT(out->overlap, 0.9);
   EXPECT_TRUE(out->free_axes.empty());
+}
+
+// Small planes scatter more than large ones: the covariance is that of the answer, not theirs.
+TEST(Icap, CovarianceSaysHowFarOffItIs) {
+  std::mt19937 rng{7};
+  double sum = 0.0;
+  constexpr int kTries = 60;
+  for (int i = 0; i < kTries; ++i) {
+    Views v = two_views_of(test::room());
+    disturb(*v.a, rng);
+    disturb(*v.b, rng);
+    const auto found = align(v, T_A_B{v.T_a_b});
+    ASSERT_TRUE(found);
+    const Vector6d off = (found->T_a_b.se3.inverse() * v.T_a_b).log();
+    sum += off.dot(found->covariance.ldlt().solve(off)) / 6.0;
+  }
+  EXPECT_GT(sum / kTries, 0.3);
+  EXPECT_LT(sum / kTries, 2.0);
 }
 
 TEST(Icap, KeepsUsableTransformWhenDeadlinePasses) {
