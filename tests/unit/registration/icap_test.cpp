@@ -3,7 +3,6 @@
 
 #include <gtest/gtest.h>
 
-#include <Eigen/Cholesky>
 #include <chrono>
 #include <memory>
 
@@ -81,24 +80,6 @@ TEST(Icap, FindsTheExactTransform) {
   EXPECT_EQ(out->matches, test::room().size());
   EXPECT_GT(out->overlap, 0.9);
   EXPECT_TRUE(out->free_axes.empty());
-}
-
-// Small planes scatter more than large ones: the covariance is that of the answer, not theirs.
-TEST(Icap, CovarianceSaysHowFarOffItIs) {
-  std::mt19937 rng{7};
-  double sum = 0.0;
-  constexpr int kTries = 60;
-  for (int i = 0; i < kTries; ++i) {
-    Views v = two_views_of(test::room());
-    disturb(*v.a, rng);
-    disturb(*v.b, rng);
-    const auto found = align(v, T_A_B{v.T_a_b});
-    ASSERT_TRUE(found);
-    const Vector6d off = (found->T_a_b.se3.inverse() * v.T_a_b).log();
-    sum += off.dot(found->covariance.ldlt().solve(off)) / 6.0;
-  }
-  EXPECT_GT(sum / kTries, 0.3);
-  EXPECT_LT(sum / kTries, 2.0);
 }
 
 TEST(Icap, KeepsUsableTransformWhenDeadlinePasses) {
@@ -286,24 +267,26 @@ TEST(Icap, PlanesThatAreNotFiniteOrAtTheEndOfTheWorldAreNone) {
   EXPECT_EQ(bad_guess.error().code, ErrorCode::kBadInput);
 }
 
+// Also where surfaces are more even than it is told they may be.
 TEST(Icap, CovarianceIsHonest) {
-  RegistrationConfig config;
-  config.uneven_m = 0.0;
-  config.uneven_rad = 0.0;
   std::mt19937 rng{9};
-  double sum = 0.0;
-  constexpr int kRuns = 100;
-  for (int run = 0; run < kRuns; ++run) {
-    Views v = two_views_of(test::room());
-    disturb(*v.a, rng);
-    disturb(*v.b, rng);
-    const auto out = align(v, perturbed(v.T_a_b, 0.05, 0.02), config);
-    ASSERT_TRUE(out);
-    const Vector6d error = (out->T_a_b.se3.inverse() * v.T_a_b).log();
-    sum += error.dot(out->covariance.inverse() * error) / 6.0;
+  for (const bool even : {true, false}) {
+    RegistrationConfig config;
+    if (even) config.uneven_m = config.uneven_rad = 0.0;
+    double sum = 0.0;
+    constexpr int kRuns = 100;
+    for (int run = 0; run < kRuns; ++run) {
+      Views v = two_views_of(test::room());
+      disturb(*v.a, rng);
+      disturb(*v.b, rng);
+      const auto out = align(v, perturbed(v.T_a_b, 0.05, 0.02), config);
+      ASSERT_TRUE(out);
+      const Vector6d error = (out->T_a_b.se3.inverse() * v.T_a_b).log();
+      sum += error.dot(out->covariance.inverse() * error) / 6.0;
+    }
+    EXPECT_GT(sum / kRuns, even ? 0.5 : 0.3);
+    EXPECT_LT(sum / kRuns, 1.6);
   }
-  EXPECT_GT(sum / kRuns, 0.5);
-  EXPECT_LT(sum / kRuns, 1.6);
 }
 
 TEST(Icap, WideGuessesConverge) {
