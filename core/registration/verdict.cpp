@@ -19,6 +19,8 @@ constexpr double kClearlyBetter = 1.1;  // times the evidence: the answer was a 
 constexpr int kRounds = 2;
 constexpr double kNearlyAsGood = 0.8;  // of the best hypothesis' matched area and pairs
 
+constexpr Judgement kNoTime{Verdict::kUndecided, "no time left"};
+
 // Matched area, less where the fit is bad.
 double score(const MapletAlignment& alignment) noexcept {
   return alignment.overlap / (1.0 + alignment.chi2_per_dof);
@@ -46,13 +48,13 @@ bool known_closely(const MapletAlignment& found, const RegistrationConfig& confi
 
 Judgement judge_alignment(const MapletAlignment& found, const Evidence& evidence, Prior prior,
                           const RegistrationConfig& config) noexcept {
+  if (found.stop == Stop::kDeadline) return kNoTime;
   if (found.chi2_per_dof > config.reject_chi2_per_dof) {
     return {Verdict::kReject, "the planes do not fit"};
   }
   if (evidence.contradiction() > config.reject_conflict) {
     return {Verdict::kReject, "one saw through the other's surfaces"};
   }
-  if (found.stop == Stop::kDeadline) return {Verdict::kUndecided, "no time left"};
   if (found.matches < config.accept_matches) return {Verdict::kUndecided, "too few planes"};
   if (found.overlap < config.accept_overlap) return {Verdict::kUndecided, "too little overlap"};
   const double strict = prior == Prior::kNone ? kStrict : 1.0;
@@ -111,11 +113,14 @@ void Verifier::judge(const Maplet& a, const Maplet& b, Closure& closure, double 
                      double gate_rad, Prior prior, Deadline deadline) noexcept {
   if (!closure.aligned) return;
   Judgement& out = closure.judgement;
+  if (closure.alignment.stop == Stop::kDeadline) {
+    out = kNoTime;
+    return;
+  }
   for (int round = 0;; ++round) {
     const Evidence evidence = weigh_evidence(a, b, closure.alignment.T_a_b.se3);
     closure.conflict = evidence.contradiction();
     out = judge_alignment(closure.alignment, evidence, prior, config_);
-    if (closure.alignment.stop == Stop::kDeadline) return;
     const Rivals rivals =
         look_beside(a, b, closure.alignment, evidence.value(), gate_m, gate_rad, deadline);
     if (rivals.better && round < kRounds) {
@@ -126,7 +131,7 @@ void Verifier::judge(const Maplet& a, const Maplet& b, Closure& closure, double 
     if (rivals.better || rivals.as_good) {
       out = {Verdict::kUndecided, "another place fits nearly as well"};
     } else if (!rivals.in_time) {
-      out = {Verdict::kUndecided, "no time left"};
+      out = kNoTime;
     }
     return;
   }
