@@ -129,7 +129,9 @@ bool ClosureJudge<Space>::review() noexcept {
       if (chi2 > 4.0 * gate) {
         reject(factor);
         changed = true;
-      } else if (std::max(chi2, alone) > most) {
+      } else if (std::max(chi2, alone) > most &&
+                 !(chi2 < gate && policy_.wants_support && borne_out(factor))) {
+        // What its neighbours bear out would be back in the next round, and out again.
         most = std::max(chi2, alone);
         worst = factor;
       }
