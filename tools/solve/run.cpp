@@ -88,6 +88,14 @@ class Run {
     table_->put(id, solver_->add_node(pose, {0, id}));
   }
 
+  /// A second edge from a pose to the next one is a closure, whoever numbered it.
+  [[nodiscard]] bool linked(int a, int b) const {
+    bool found = false;
+    solver_->graph().for_each_incident(
+        a, [&](int, int other) { found = found || (other == b && b >= 0); });
+    return found;
+  }
+
   void add(int edge) {
     const Edge& e = file_.edges[edge];
     add_node(e.a);
@@ -110,7 +118,7 @@ class Run {
       edge_of_[solver_->add_prior(a->node, r.T, r.covariance)] = edge;
       return;
     }
-    const bool doubted = closures_ && !is_odometry(e);
+    const bool doubted = closures_ && (!is_odometry(e) || linked(a->node, b->node));
     const int f = solver_->add_between(a->node, b->node, r.T, r.covariance, doubted ? 0.0 : 1.0);
     edge_of_[f] = edge;
     if (!closures_) return;

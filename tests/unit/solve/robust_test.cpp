@@ -50,6 +50,23 @@ TEST_P(SolveRobust, FalseClosuresAreLeftOutAndTrueOnesStay) {
   EXPECT_EQ(out.heap_allocations, 0u);
 }
 
+TEST_P(SolveRobust, ASecondEdgeToTheNextPoseIsAClosure) {
+  GraphFile graph = city(300, 8, 0.03, 5);
+  const auto step = std::find_if(graph.edges.begin(), graph.edges.end(),
+                                 [](const Edge& e) { return e.a == 150 && e.b == 151; });
+  ASSERT_NE(step, graph.edges.end());
+  Edge wrong = *step;
+  wrong.z.t.x() += 5.0;
+  wrong.line = 1;
+  graph.edges.push_back(wrong);
+  SolveOptions options;
+  options.robust = true;
+  options.batch = GetParam();
+  const SolveOutcome out = solve(graph, options);
+  ASSERT_EQ(out.rejected.size(), 1u);
+  EXPECT_EQ(out.rejected.front().line, 1);
+}
+
 INSTANTIATE_TEST_SUITE_P(Both, SolveRobust, testing::Bool(),
                          [](const auto& kind) { return kind.param ? "Batch" : "Incremental"; });
 
