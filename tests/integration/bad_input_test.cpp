@@ -116,7 +116,7 @@ TEST(BadInput, NoCameraEndsAFiniteRunWithinTenSeconds) {
 }
 
 TEST(BadInput, NoCameraMakesTheServiceWaitAndSaySo) {
-  Process service{{"mapletd", "--source", "openni2:", "--no-dds"}};
+  Process service{{"mapletd", "--source", "openni2:", "--no-dds", "--set", "control.socket=none"}};
   for (int i = 0; i < 100 && service.err().empty(); ++i) {
     std::this_thread::sleep_for(std::chrono::milliseconds{50});
   }

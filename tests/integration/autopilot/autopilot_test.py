@@ -16,6 +16,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 import read_pose  # noqa: E402  the example is the test's reader
 
 MAPLETD = str(Path(os.environ["MAPLET_BIN_DIR"]) / "mapletd")
+EMULATOR = os.environ.get("MAPLET_EMULATOR", "").split()  # of programs for another processor
 SOURCE = "sim:room?frames=60&width=160&gray=0&seed=4"
 PATIENCE_S = 120
 
@@ -56,8 +57,8 @@ class Autopilot(unittest.TestCase):
         self.folder.cleanup()
 
     def run_daemon(self, destination, *settings):
-        words = [MAPLETD, "--no-dds", "--agent", "1", "--source", SOURCE, "--out", self.out, "--set",
-                 f"autopilot.destination={destination}"]
+        words = [*EMULATOR, MAPLETD, "--no-dds", "--agent", "1", "--source", SOURCE, "--out", self.out,
+                 "--set", f"autopilot.destination={destination}"]
         for setting in settings:
             words += ["--set", setting]
         return subprocess.run(words, capture_output=True, text=True, timeout=PATIENCE_S,
@@ -186,7 +187,7 @@ class Autopilot(unittest.TestCase):
         for setting in ("autopilot.destination=tcp:127.0.0.1:5", "autopilot.destination=udp:host:5",
                         "autopilot.destination=udp:127.0.0.1:99999", "autopilot.rate_hz=0",
                         "output_frame=enu", "body.T_body_camera=0,0,0,0,0,0,2"):
-            done = subprocess.run([MAPLETD, "--check-config", "--set", setting], check=False,
+            done = subprocess.run([*EMULATOR, MAPLETD, "--check-config", "--set", setting], check=False,
                                   capture_output=True, text=True, timeout=PATIENCE_S)
             self.assertEqual(done.returncode, 2, setting)
             self.assertEqual(done.stderr.count("\n"), 1, done.stderr)
