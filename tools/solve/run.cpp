@@ -40,6 +40,7 @@ class Run {
   static constexpr int kMostSearches = 10'000;
   static constexpr std::size_t kStepsPerDecision = 20;
   static constexpr int kLooks = 50;  ///< updates between looks at a second start
+  static constexpr std::int64_t kWorkInTime = 240'000;
   static constexpr double kShareWhenFull = 0.05;
   static constexpr double kSame = 1e-6;        ///< of chi2: the same end
   static constexpr double kWorthwhile = 1e-3;  ///< of chi2: it is still on its way
@@ -54,6 +55,8 @@ class Run {
     SolvePolicy policy;
     // Nodes are taken out as they stand: what waits would be frozen before it has had its say.
     if (options.max_nodes > 0) policy.defer_share = kShareWhenFull;
+    // A time that is given is the limit: the work that is the limit without it takes half of 2 ms.
+    if (options.budget_us > 0.0) policy.work_per_update = kWorkInTime;
     solver_.emplace(limits_for(file, order_, order.nodes, options.max_nodes), *arena_, policy);
     table_.emplace(*solver_, order.nodes);
     if (options.max_nodes > 0) table_->limit(*arena_);
