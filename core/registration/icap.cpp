@@ -134,6 +134,11 @@ Expected<MapletAlignment> Icap::align(const Maplet& a, const Maplet& b,
     if (pairs_.pairs().empty()) return fail(ErrorCode::kNoOverlap, "too few planes in common");
   }
   conclude(a, b, T, out);
+  if (out.stop == Stop::kDeadline) {  // what is within the gates may still be the answer, eq. 11d
+    const Common gates{gate_m * gate_m / 9.0, gate_rad * gate_rad / 9.0};
+    add_common(gates, Eigen::Vector3d::Zero(), out);
+    if (planar_) out.covariance = planar_->restrict_covariance(out.covariance);
+  }
   return out;
 }
 

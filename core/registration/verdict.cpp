@@ -157,7 +157,8 @@ Verifier::Rivals Verifier::look_beside(const Maplet& a, const Maplet& b,
       const double worth = score(*other);
       if (worth <= kNearlyAsGood * score(best)) continue;
       out.as_good = out.as_good || differ(best, other->T_a_b.se3);
-      if (other->free_axes.size() > best.free_axes.size() || other->stop == Stop::kDeadline ||
+      // One with a free axis lies along it where it was started, a gate away.
+      if (!other->free_axes.empty() || other->stop == Stop::kDeadline ||
           same(best.T_a_b.se3, other->T_a_b.se3)) {
         continue;
       }

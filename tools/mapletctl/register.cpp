@@ -146,7 +146,7 @@ void add_register(Command app) {
       .comma_list(7)
       .type_name("POSE");
   command.add_option("--budget-us", options->budget_us, "Stop after this time; 0 = when done")
-      .non_negative();
+      .range(0.0, 1e9);
   command.add_flag("--json", options->json, "One line of JSON");
   command.run([options] { run(*options); });
 }

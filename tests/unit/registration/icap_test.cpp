@@ -90,6 +90,7 @@ TEST(Icap, KeepsUsableTransformWhenDeadlinePasses) {
   ASSERT_TRUE(out) << out.error().what;
   EXPECT_EQ(out->stop, Stop::kDeadline);
   EXPECT_EQ(out->iterations, 2U);
+  EXPECT_GT(std::sqrt(out->covariance(0, 0)), 0.02);  // of the gates that are left
   expect_near(out->T_a_b.se3, v.T_a_b, 0.1, 0.05);
 }
 

@@ -91,6 +91,17 @@ TEST(Verifier, AnAnswerBesideItIsTakenWhenMoreSpeaksForIt) {
   EXPECT_LT(off(c), 0.02);
 }
 
+// Two walls and no more: along them and up it stays where it was guessed, however far one looks.
+TEST(Verifier, NothingMovesAlongAFreeAxis) {
+  const Se3 T = test::camera_at({2.0, 2.5, 1.2}, 0.2);
+  const std::vector<test::Wall> parallel{test::room()[0], test::room()[1]};
+  const Vector6d off = (Vector6d() << 0.1, 0.1, 0.1, 0, 0, 0).finished();
+  const Closure c = verify(*view(parallel, T), *view(parallel, T), Se3::exp(off));
+  ASSERT_TRUE(c.aligned);
+  EXPECT_FALSE(c.alignment.free_axes.empty());
+  EXPECT_LT(c.alignment.T_a_b.se3.t.norm(), 0.2);
+}
+
 // One looked through where the other has a wall: across the room, facing the camera.
 TEST(Evidence, WallInTheWayIsNoticed) {
   const Se3 T = test::camera_at({1.0, 2.5, 1.2}, 0.0);
