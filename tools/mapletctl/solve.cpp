@@ -119,8 +119,7 @@ void add_solve(Command app) {
              "A pose at a time with its edges, in time order (the default)");
   c.add_flag("--batch", options->solve.batch, "All at once, from the file's own vertices");
   c.add_flag("--robust", options->solve.robust, "Decide which closures to believe");
-  c.add_option("--budget-us", options->budget_us, "Thread CPU time a step may take")
-      .range(1.0, 1e9);
+  c.add_option("--budget-us", options->budget_us, "Thread CPU time a step may take").positive();
   c.add_option("--idle-steps", options->solve.idle_steps, "Steps after the last pose")
       .non_negative();
   c.add_option("--max-nodes", options->solve.max_nodes, "Nodes kept; sized from the file if 0")
