@@ -158,7 +158,7 @@ void PlaneMap::look(const View& view, Deadline deadline) noexcept {
 // What the keyframe saw along a ray through a pixel inside its image; 0 = nothing.
 double PlaneMap::seen_depth_m(const View& view, const Eigen::Vector3d& ray, double u_px,
                               double v_px) const noexcept {
-  if (view.depth.step_px > 0) return view.depth.at(u_px, v_px);
+  if (view.depth != nullptr && view.depth->step_px > 0) return view.depth->at(u_px, v_px);
   const std::int16_t seen =
       labels_[static_cast<int>(v_px) / View::kBlock_px * view.blocks_across() +
               static_cast<int>(u_px) / View::kBlock_px];

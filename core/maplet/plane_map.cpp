@@ -41,7 +41,7 @@ void PlaneMap::add(const PatchSet& set, const DepthThumb& depth, const Se3& T_ma
   ++keyframe_;
   points_.seen += set.valid_pixels;
   label(set);
-  const View view{set,    T_maplet_camera, T_maplet_camera.inverse(), covariance, depth,
+  const View view{set,    T_maplet_camera, T_maplet_camera.inverse(), covariance, &depth,
                   order_, first_of_};
   for (std::size_t f = 0; f < set.planes.size(); ++f) {
     if (view.patches_of(f).empty()) continue;

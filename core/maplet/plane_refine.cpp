@@ -18,8 +18,6 @@ constexpr double kEnough = 3.0;  // planes, below it the odometry stands
 constexpr double kMost_m = 0.1;  // a larger correction is a wrong association
 constexpr double kMost_rad = 0.08;
 
-const DepthThumb kNoDepth{};
-
 // An odometry without any doubt has no inverse covariance, and nothing to refine.
 bool trusts_odometry(const MapletConfig& c) noexcept {
   return c.odometry_scale == 0.0 && (c.odometry_floor_m == 0.0 || c.odometry_floor_rad == 0.0);
@@ -40,7 +38,7 @@ Se3 PlaneMap::refine(const PatchSet& set, const Se3& T_odometry,
   const Matrix6d prior = step.inverse();
   Se3 T = T_odometry;
   for (int round = 0; round < kRounds; ++round) {
-    const View view{set, T, T.inverse(), step, kNoDepth, order_, first_of_};
+    const View view{set, T, T.inverse(), step, nullptr, order_, first_of_};
     Matrix6d normal = prior;
     Vector6d right = -prior * (T_odometry.inverse() * T).log();
     double count = 0.0;

@@ -14,7 +14,7 @@ struct PlaneMap::View {
   const Se3 T_maplet_camera;
   const Se3 T_camera_maplet;
   const Matrix6d& covariance;
-  const DepthThumb& depth;  ///< or none: patches say what was seen
+  const DepthThumb* depth;  ///< nullptr, or with step_px 0: patches say what was seen
   std::span<const std::uint16_t> order;
   std::span<const std::uint16_t> first_of;
 

@@ -30,9 +30,11 @@ def emulator(build):
 def fly(build, source, out):
     words = emulator(build)
     environment = os.environ | ({"MAPLET_EMULATOR": " ".join(map(str, words))} if words else {})
-    subprocess.run([*words, build / "bin/mapletd", "--source", source, "--no-dds", "--out", out,
-                    "--set", "frame.budget_us=1000000"],
-                   check=True, capture_output=True, env=environment)
+    run = subprocess.run([*words, build / "bin/mapletd", "--source", source, "--no-dds", "--out", out,
+                          "--set", "frame.budget_us=1000000"],
+                         stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, env=environment)
+    if run.returncode != 0:
+        sys.exit(f"FAIL  {build}: mapletd ended with {run.returncode}:\n{run.stderr}")
 
 
 def poses(file):
