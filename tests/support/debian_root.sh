@@ -16,7 +16,9 @@ debian_root() { # NAME PACKAGES(comma separated) FOLDER [ARCHITECTURE]: unpacks 
   mkdir -p "$cache" "$3"
   if [[ ! -f $base ]]; then
     echo "making a Debian root ($1)"
-    mmdebstrap --quiet --format=tar --variant=minbase --architectures="$arch" --include="$2" bookworm "$base.new" ||
+    # The release without its updates, as the sysroots: whoever runs on its oldest packages runs on newer ones.
+    mmdebstrap --quiet --format=tar --variant=minbase --architectures="$arch" --include="$2" bookworm "$base.new" \
+      "deb http://deb.debian.org/debian bookworm main" ||
       { rm -f "$base.new"; exit 1; }
     mv "$base.new" "$base"
   fi
