@@ -1,6 +1,7 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 // mapletd: depth frames in; track, maplets, delta-poses and skeleton out.
 #include <fmt/format.h>
+#include <malloc.h>
 
 #include <cstdio>
 #include <exception>
@@ -94,6 +95,10 @@ int run(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  // One heap for all threads: those of OpenNI2 and Cyclone come and go with cameras and agents, and
+  // each would leave a heap of its own behind. Ours ask for nothing once they run, so nobody waits
+  // for its lock.
+  mallopt(M_ARENA_MAX, 1);
   try {
     return run(argc, argv);
   } catch (const maplet::ArenaExhausted& e) {

@@ -4,8 +4,9 @@
 (openni2_synth/script.hpp), the service as it runs on a robot."""
 import os
 import random
-import threading
+import statistics
 import sys
+import threading
 import time
 import unittest
 from pathlib import Path
@@ -23,7 +24,7 @@ PRIORITY = ["--set", "realtime.estimator_priority=20", "--set",
             "realtime.capture_priority=30"] if CAMPAIGN else []
 RETURN_S = 2.0 if CAMPAIGN else 20.0  # after the device is back: the bar, and on a busy machine
 SANITIZED = "MAPLET_SANITIZED" in os.environ  # ten times slower, and nobody counts allocations
-FLAT_BYTES = 1 << 20  # of resident memory: eight returns, and eight more
+FLAT_BYTES = 1 << 18  # of resident memory: twelve returns, and twelve more
 SCRIPT_BYTES = 8 << 20  # in half a script: a camera's first returns, whose driver makes a world each
 KINDS = ["stall@{}:300", "unplug@{}:200", "late@{}:100", "duplicate@{}", "burst@{}:4", "black@{}:8",
          "corrupt@{}:3", "mode@{}:3", "no_colour@{}:10", "backwards@{}:100"]
@@ -236,7 +237,9 @@ class Camera(daemon.DaemonTest):
             resident.append(self.status()["memory"]["rss_bytes"])
         print("RSS in KiB after each return:", [one >> 10 for one in resident], flush=True)
         if not SANITIZED:
-            self.assertLessEqual(max(resident[12:]) - max(resident[:12]), FLAT_BYTES)
+            # Medians: at some returns a buffer of OpenNI2's is still there.
+            grown = statistics.median(resident[12:]) - statistics.median(resident[:12])
+            self.assertLessEqual(grown, FLAT_BYTES)
         self.ends_well()
 
     def test_random_scripts(self):
