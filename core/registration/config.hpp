@@ -12,7 +12,7 @@ struct RegistrationConfig {
   double link_gate_m = 0.15;
   double link_gate_rad = 0.1;
   int max_iterations = 20;
-  int min_matches = 2;
+  int min_matches = 1;
   double min_extent_overlap = 0.15;
   double uneven_m = 0.008;
   double uneven_rad = 0.012;

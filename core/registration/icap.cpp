@@ -96,7 +96,8 @@ Expected<MapletAlignment> Icap::align(const Maplet& a, const Maplet& b,
   }
   pairs_.prepare(a, b, region_, guess.se3);
   Se3 T = guess.se3;
-  if ((gate_m > kVotesGate_m || gate_rad > kVotesGate_rad) && start(a, b, T, gate_m, gate_rad)) {
+  if ((gate_m > kVotesGate_m || gate_rad > kVotesGate_rad) &&
+      start(a, b, T, gate_m, gate_rad, deadline)) {
     gate_m = std::min(gate_m, kVotesGate_m);
     gate_rad = std::min(gate_rad, kVotesGate_rad);
   }
@@ -143,17 +144,19 @@ Expected<MapletAlignment> Icap::align(const Maplet& a, const Maplet& b,
 }
 
 // Far from the truth the nearest plane is often another one: the planes vote first.
-bool Icap::start(const Maplet& a, const Maplet& b, Se3& T, double gate_m,
-                 double gate_rad) noexcept {
+bool Icap::start(const Maplet& a, const Maplet& b, Se3& T, double gate_m, double gate_rad,
+                 Deadline deadline) noexcept {
   PlaceDescriptor::describe(a, place_a_);
+  if (deadline.expired()) return false;
   PlaceDescriptor::describe(b, place_b_);
+  if (deadline.expired()) return false;
   const auto found = compare_.guess_near(place_a_, place_b_, T, gate_m, gate_rad);
   if (found.empty() || found.front().score < kLeastScore) return false;
   Se3 best = found.front().T_a_b;
   const bool clear = found.size() == 1 || found[1].score < kNearlyAsGood * found.front().score;
   double most = -1.0;
   for (std::size_t i = 0; !clear && i < std::min(found.size(), kStarts); ++i) {
-    if (found[i].score < kNearlyAsGood * found.front().score) break;
+    if (found[i].score < kNearlyAsGood * found.front().score || deadline.expired()) break;
     pairs_.match(found[i].T_a_b, kVotesGate_m, kVotesGate_rad, config_);
     const double worth = pairs_.worth();
     if (worth <= most) continue;

@@ -87,6 +87,44 @@ TEST_F(MapletCommands, ExportWritesAMeshAndATrajectory) {
   EXPECT_EQ(run({"mapletctl", "export", file, "--g2o", ply}).exit_code, 2);
 }
 
+// Walls in squares: more planes than the first layer has room for.
+TEST_F(MapletCommands, ExportWritesCoarserMaplets) {
+  std::vector<Wall> squares;
+  for (const Wall& wall : room()) {
+    for (const double x : {-0.75, -0.25, 0.25, 0.75}) {
+      for (const double y : {-0.75, -0.25, 0.25, 0.75}) {
+        const Eigen::Vector3d step = 0.02 * wall.normal() * (x + y);  // not in one plane
+        squares.push_back({wall.centre + x * wall.half_a + y * wall.half_b + step,
+                           0.2 * wall.half_a, 0.2 * wall.half_b});
+      }
+    }
+  }
+  if (squares.size() > kMaxMapletPlanes) squares.resize(kMaxMapletPlanes);
+  const std::string file = write("a.maplet", squares, T_world_a_);
+  const std::string coarse = (dir_.path() / "coarse.maplet").string();
+  EXPECT_EQ(run({"mapletctl", "export", file, "--maplet", coarse, "--max-bytes", "1100"}).exit_code,
+            0);
+  EXPECT_LE(fs::file_size(coarse), 1100U);
+  const json whole = result({"mapletctl", "show", file, "--json"});
+  const json part = result({"mapletctl", "show", coarse, "--json"});
+  EXPECT_EQ(whole["complete"], true);
+  EXPECT_EQ(part["complete"], false);
+  EXPECT_GT(part["planes"].size(), 3U);
+  EXPECT_LT(part["planes"].size(), whole["planes"].size());
+  const json found = result({"mapletctl", "register", file, coarse, "--json"});
+  EXPECT_NE(found["verdict"], "reject") << found.dump();  // squares fit squares elsewhere, too
+  for (int i = 0; i < 3; ++i) EXPECT_NEAR(found["T_a_b"][i].get<double>(), 0.0, 1e-3);
+
+  const std::string copy = (dir_.path() / "copy.maplet").string();
+  EXPECT_EQ(run({"mapletctl", "export", file, "--maplet", copy}).exit_code, 0);
+  EXPECT_EQ(text_of(copy), text_of(file));
+  const Finished small = run({"mapletctl", "export", file, "--maplet", copy, "--max-bytes", "100"});
+  EXPECT_EQ(small.exit_code, 1);
+  EXPECT_THAT(small.err, HasSubstr("its first layer is"));
+  EXPECT_EQ(text_of(copy), text_of(file));  // left alone
+  EXPECT_EQ(run({"mapletctl", "export", dir_.path().string(), "--maplet", copy}).exit_code, 2);
+}
+
 TEST_F(MapletCommands, RegisterFindsTheTransform) {
   const std::string a = write("a.maplet", room(), T_world_a_);
   const std::string b = write("b.maplet", room(), T_world_b_, 2);
@@ -119,6 +157,10 @@ TEST_F(MapletCommands, PoorMapletsGetAReasonedVerdict) {
       EXPECT_FALSE(found["reason"].get<std::string>().empty());
     }
   }
+  // One wall alone says how far away it is and how it is turned, and that it says no more.
+  const json wall =
+      result({"mapletctl", "register", (dir_.path() / "1.maplet").string(), full, "--json"});
+  EXPECT_EQ(wall["free_axes"].size(), 3U) << wall.dump();
   const json same = result({"mapletctl", "register", full, full, "--json"});
   EXPECT_EQ(same["verdict"], "accept") << same.dump();
   for (int i = 0; i < 3; ++i) EXPECT_NEAR(same["T_a_b"][i].get<double>(), 0.0, 1e-6);

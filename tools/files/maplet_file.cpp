@@ -11,9 +11,13 @@
 namespace maplet::files {
 
 std::vector<std::byte> read_bytes(const std::filesystem::path& file) {
+  if (std::filesystem::is_directory(file)) {
+    throw std::runtime_error{
+        fmt::format("{} is a folder: give one of its files (NNNN.maplet)", file.string())};
+  }
   std::ifstream in{file, std::ios::binary};
   std::vector<std::byte> bytes;
-  if (in && !std::filesystem::is_directory(file)) {
+  if (in) {
     for (char buffer[65536]; in.read(buffer, sizeof buffer), in.gcount() > 0;) {
       const auto* first = reinterpret_cast<const std::byte*>(buffer);
       bytes.insert(bytes.end(), first, first + in.gcount());

@@ -7,6 +7,7 @@
 #include <span>
 #include <vector>
 
+#include "core/maplet/codec.hpp"
 #include "tools/files/maplet_file.hpp"
 #include "tools/files/ply.hpp"
 #include "tools/files/run_folder.hpp"
@@ -19,7 +20,8 @@ namespace fs = std::filesystem;
 
 struct Options {
   std::string input;
-  std::string ply, g2o, tum;
+  std::string ply, g2o, tum, maplet;
+  int max_bytes = kMaxMapletBytes;
   double fidelity = 1.0;
 };
 
@@ -73,11 +75,28 @@ void copy_of_run(const Options& options, const char* name, const std::string& to
   write_text(to, {std::istreambuf_iterator<char>{in}, {}});
 }
 
+// The maplet as it travels: its first layers, as many as fit.
+void export_maplet(const Options& options) {
+  const std::vector<std::byte> bytes = files::read_bytes(options.input);
+  (void)files::read_maplet(options.input);  // whole: a damaged one is not passed on
+  const std::size_t kept = layers_within(bytes, static_cast<std::size_t>(options.max_bytes));
+  if (kept == 0) {
+    throw Failure{fmt::format("{}: its first layer is {} bytes; give --max-bytes that many",
+                              options.input, layer_ends(bytes).front())};
+  }
+  const auto* text = reinterpret_cast<const char*>(bytes.data());
+  write_text(options.maplet, {text, text + kept});
+}
+
 void run(const Options& options) {
-  if (options.ply.empty() && options.g2o.empty() && options.tum.empty()) {
-    throw Failure{"export: say what to write: --ply, --g2o or --tum FILE", 2};
+  if (options.ply.empty() && options.g2o.empty() && options.tum.empty() && options.maplet.empty()) {
+    throw Failure{"export: say what to write: --ply, --g2o, --tum or --maplet FILE", 2};
   }
   const bool folder = fs::is_directory(options.input);
+  if (!options.maplet.empty()) {
+    if (folder) throw Failure{"export --maplet needs one NNNN.maplet, not a folder", 2};
+    export_maplet(options);
+  }
   if (!options.ply.empty()) export_ply(options);
   if (!options.g2o.empty()) {
     if (!folder) throw Failure{"export --g2o needs a folder: one maplet has no skeleton", 2};
@@ -117,6 +136,14 @@ void add_export(Command app) {
       .add_option("--tum", options->tum,
                   "The camera's trajectory; of a maplet its keyframes, in its own frame")
       .type_name("FILE");
+  command
+      .add_option("--maplet", options->maplet,
+                  "The maplet itself (one NNNN.maplet only), as coarse as --max-bytes asks")
+      .type_name("FILE");
+  command
+      .add_option("--max-bytes", options->max_bytes,
+                  "Of --maplet: as many layers as fit, coarse first (about 1, 4 and 15 KB)")
+      .range(1, static_cast<int>(kMaxMapletBytes));
   command.run([options] { run(*options); });
 }
 

@@ -30,6 +30,7 @@ struct Side {
   std::vector<std::unique_ptr<Maplet>> maplets;
   std::vector<std::string> names;  // NNNN of the files
   std::map<MapletKey, Se3> T_world_maplet;
+  bool damaged = false;  // some file was
 };
 
 Side read_side(const std::string& folder, std::uint16_t agent) {
@@ -47,7 +48,13 @@ Side read_side(const std::string& folder, std::uint16_t agent) {
   std::map<std::uint32_t, Se3> nodes;
   if (fs::exists(fs::path{folder} / "skeleton.g2o")) nodes = files::read_run(folder).nodes;
   for (const fs::path& file : files) {
-    side.maplets.push_back(files::read_maplet(file));
+    try {
+      side.maplets.push_back(files::read_maplet(file));
+    } catch (const std::runtime_error& e) {
+      fmt::print(stderr, "mapletctl: {}; going on without it\n", e.what());
+      side.damaged = true;
+      continue;
+    }
     side.names.push_back(file.stem().string());
     MapletKey& key = side.maplets.back()->key;
     const auto node = nodes.find(key.id);
@@ -191,6 +198,8 @@ void run(const Options& options) {
     if (kept == nullptr || rank(h) > rank(*kept)) kept = &h;
   }
   for (const auto& [pair, h] : best) print_pair(a, b, *h, options.json);
+  if (best.empty() && !options.json) fmt::print("no maplets of the two are alike\n");
+  if (a.damaged || b.damaged) throw Failure{"match: not all maplets could be read"};
 }
 
 }  // namespace

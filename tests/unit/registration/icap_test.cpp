@@ -86,12 +86,28 @@ TEST(Icap, KeepsUsableTransformWhenDeadlinePasses) {
   const Views v = two_views_of(test::room());
   const TickingClock clock{1ms};  // every look at the clock costs 1 ms
   const auto icap = std::make_unique<Icap>(RegistrationConfig{});
-  const auto out = icap->align(*v.a, *v.b, perturbed(v.T_a_b), Deadline{clock, 3ms});
+  const auto out = icap->align(*v.a, *v.b, perturbed(v.T_a_b), Deadline{clock, 6ms});
   ASSERT_TRUE(out) << out.error().what;
   EXPECT_EQ(out->stop, Stop::kDeadline);
-  EXPECT_EQ(out->iterations, 2U);
+  EXPECT_GE(out->iterations, 1U);
+  EXPECT_LE(out->iterations, 4U);                     // the votes look, too
   EXPECT_GT(std::sqrt(out->covariance(0, 0)), 0.02);  // of the gates that are left
   expect_near(out->T_a_b.se3, v.T_a_b, 0.1, 0.05);
+}
+
+// Not even for the votes: the guess, as unsure as it is.
+TEST(Icap, WithoutTimeTheGuessStays) {
+  const Views v = two_views_of(test::room());
+  const TickingClock clock{1ms};
+  const RegistrationConfig config;
+  const auto icap = std::make_unique<Icap>(config);
+  const Se3 guess = v.T_a_b * Se3::exp((Vector6d() << 0.02, 0, 0.01, 0, 0.01, 0).finished());
+  const auto out = icap->align(*v.a, *v.b, T_A_B{guess}, Deadline{clock, 1ms});
+  ASSERT_TRUE(out) << out.error().what;
+  EXPECT_EQ(out->stop, Stop::kDeadline);
+  EXPECT_EQ(out->iterations, 0U);
+  expect_near(out->T_a_b.se3, guess, 1e-12, 1e-12);
+  EXPECT_GE(std::sqrt(out->covariance(0, 0)), config.gate_m / 3.0);
 }
 
 TEST(Icap, IdenticalMapletsStayWhereTheyAre) {
@@ -118,9 +134,7 @@ TEST(Icap, SidesAreToldApart) {
   Views v;
   test::fill(*v.a, one, test::camera_at({1, 2.5, 1.2}, 0.0));
   test::fill(*v.b, back, test::camera_at({1, 2.5, 1.2}, 0.0));
-  RegistrationConfig config;
-  config.min_matches = 1;
-  EXPECT_FALSE(align(v, T_A_B{}, config));
+  EXPECT_FALSE(align(v, T_A_B{}));
 }
 
 // Two walls that merely lie in one plane are not the same wall.
@@ -131,9 +145,7 @@ TEST(Icap, ExtentsCount) {
   const Se3 T = test::camera_at({1, 2.5, 1.2}, 0.0);
   test::fill(*v.a, left, T);
   test::fill(*v.b, right, T);
-  RegistrationConfig config;
-  config.min_matches = 1;
-  EXPECT_FALSE(align(v, T_A_B{}, config));
+  EXPECT_FALSE(align(v, T_A_B{}));
 }
 
 TEST(Icap, CorridorLeavesItsAxisFree) {
@@ -167,13 +179,12 @@ TEST(Icap, CorridorLeavesItsAxisFree) {
 TEST(Icap, OneWallFixesThreeAxes) {
   const std::vector<test::Wall> one{{{3, 2.5, 1.3}, {0, 0, 1.3}, {0, 2.5, 0}}};
   const Views v = two_views_of(one);
-  RegistrationConfig config;
-  config.min_matches = 1;
-  const auto out = align(v, T_A_B{v.T_a_b}, config);
+  const auto out = align(v, T_A_B{v.T_a_b});
   ASSERT_TRUE(out);
   EXPECT_EQ(out->free_axes.size(), 3U);
-  const auto two = align(v, T_A_B{v.T_a_b});
-  EXPECT_FALSE(two);  // min_matches is 2
+  RegistrationConfig config;
+  config.min_matches = 2;
+  EXPECT_FALSE(align(v, T_A_B{v.T_a_b}, config));
 }
 
 TEST(Icap, ParallelPlanesFixThreeAxes) {
