@@ -29,14 +29,16 @@ MapletBuilder::MapletBuilder(const MapletConfig& config, Arena& arena)
     : config_{config},
       map_{config, arena},
       rule_{config},
-      depth_{arena.make<DepthThumb>("maplet/depth")},
       draft_{arena.make<Maplet>("maplet/draft")},
       cut_{arena.make<MapletCut>("maplet/finished")},
       bytes_{arena.make_array<std::byte>(kMaxMapletBytes, "maplet/bytes")} {
   const int kept =
       std::min(config.overlap_keyframes + config.boundary_keyframes, config.max_keyframes - 1);
   for (int i = 0; i < kept; ++i) {
-    recent_.push_back(arena.make<Recent>("maplet/overlap keyframe"));
+    recent_.push_back(arena.make<Keyframe>("maplet/overlap keyframe"));
+  }
+  for (int i = 0; i < config.max_keyframes; ++i) {
+    depths_.push_back(arena.make<DepthThumb>("maplet/depth of a keyframe"));
   }
 }
 
@@ -48,33 +50,40 @@ void MapletBuilder::identify(std::uint16_t agent, std::uint32_t epoch,
 const MapletCut* MapletBuilder::add(const Keyframe& keyframe, const DepthFrame* frame,
                                     Deadline deadline) noexcept {
   const MapletCut* done = nullptr;
-  depth_->clear();
-  if (frame != nullptr) depth_->take(*frame);
   up_.look(keyframe);
   const bool asked = std::exchange(origin_asked_, false);
   if (members_.empty()) {
     start(keyframe);
   } else if (keyframe.segment != segment_ || keyframe.blind_spells != blind_spells_) {
     const Member next = follow(keyframe);
-    done = cut(CutReason::kLost);
+    done = cut(CutReason::kLost, deadline);
     link_to(next.T_origin_camera, next.covariance);
     start(keyframe);
   } else if (asked && members_.size() < static_cast<std::size_t>(config_.max_keyframes)) {
-    take(keyframe, *depth_, deadline);
-    done = cut(CutReason::kAsked);
+    see(frame);
+    take(keyframe, deadline);
+    done = cut(CutReason::kAsked, deadline);
     start_overlapping(1, deadline);
     return done;
   } else if (const CutReason reason = due(keyframe); reason != CutReason::kNone) {
-    done = cut(reason);
+    done = cut(reason, deadline);
     start_overlapping(choose_overlap(), deadline);
   }
-  take(keyframe, *depth_, deadline);
+  see(frame);
+  take(keyframe, deadline);
   return done;
+}
+
+// What the next member saw.
+void MapletBuilder::see(const DepthFrame* frame) noexcept {
+  DepthThumb& depth = *depths_[members_.size()];
+  depth.clear();
+  if (frame != nullptr) depth.take(*frame);
 }
 
 const MapletCut* MapletBuilder::finish() noexcept {
   if (members_.empty() || (shared_ > 0 && members_.size() <= shared_)) return nullptr;
-  const MapletCut* done = cut(CutReason::kEnd);
+  const MapletCut* done = cut(CutReason::kEnd, Deadline::never());
   link_.valid = false;
   members_.clear();
   shared_ = 0;
@@ -138,11 +147,13 @@ void MapletBuilder::start_overlapping(std::size_t shared, Deadline deadline) noe
   const std::size_t first = end - shared;
   const Member& origin = members_[members_.size() - shared];
   link_to(origin.T_origin_camera, origin.covariance);
-  start(recent_[first % recent_.size()]->keyframe);
+  for (std::size_t i = 0; i < shared; ++i) {
+    std::swap(depths_[i], depths_[members_.size() - shared + i]);
+  }
+  start(*recent_[first % recent_.size()]);
   for (std::size_t i = first; i < end; ++i) {
     recent_count_ = i;  // each keeps its place in the ring
-    const Recent& recent = *recent_[i % recent_.size()];
-    take(recent.keyframe, recent.depth, deadline);
+    take(*recent_[i % recent_.size()], deadline);
   }
   shared_ = shared;
 }
@@ -172,8 +183,7 @@ MapletBuilder::Member MapletBuilder::follow(const Keyframe& keyframe) const noex
   return member;
 }
 
-void MapletBuilder::take(const Keyframe& keyframe, const DepthThumb& depth,
-                         Deadline deadline) noexcept {
+void MapletBuilder::take(const Keyframe& keyframe, Deadline deadline) noexcept {
   Member member = follow(keyframe);
   member.valid_pixels = keyframe.patches.valid_pixels;
   member.structure = structure_of(keyframe.patches);
@@ -183,17 +193,16 @@ void MapletBuilder::take(const Keyframe& keyframe, const DepthThumb& depth,
     if (planar_) member.T_origin_camera = planar_->project(member.T_origin_camera);
     rule_.go(member.T_odom_camera);
   }
+  const DepthThumb& depth = *depths_[members_.size()];
   members_.push_back(member);
-  map_.add(keyframe.patches, depth, member.T_origin_camera, member.covariance, deadline);
-  remember(keyframe, depth);
+  map_.add(keyframe.patches, depth.step_px > 0 ? &depth : nullptr, member.T_origin_camera,
+           member.covariance, deadline);
+  remember(keyframe);
 }
 
-void MapletBuilder::remember(const Keyframe& keyframe, const DepthThumb& depth) noexcept {
-  Recent& slot = *recent_[recent_count_ % recent_.size()];
-  if (&slot.keyframe != &keyframe) {
-    slot.keyframe = keyframe;
-    slot.depth = depth;
-  }
+void MapletBuilder::remember(const Keyframe& keyframe) noexcept {
+  Keyframe& slot = *recent_[recent_count_ % recent_.size()];
+  if (&slot != &keyframe) slot = keyframe;
   ++recent_count_;
 }
 
@@ -214,7 +223,12 @@ std::optional<PathPoint> MapletBuilder::locate(const Track& track) const noexcep
   return point;
 }
 
-const MapletCut* MapletBuilder::cut(CutReason reason) noexcept {
+const MapletCut* MapletBuilder::cut(CutReason reason, Deadline deadline) noexcept {
+  StaticVector<KeyframeLook, kMaxMapletKeyframes> looks;
+  for (std::size_t i = 0; i < members_.size(); ++i) {
+    if (depths_[i]->step_px == 0) continue;
+    looks.push_back({members_[i].T_origin_camera, &*depths_[i]});
+  }
   Expected<std::size_t> size = fail(ErrorCode::kCapacity, "not tried yet");
   std::size_t limit = kMaxMapletPlanes;
   const auto max_bytes = static_cast<std::size_t>(config_.max_bytes);
@@ -227,7 +241,7 @@ const MapletCut* MapletBuilder::cut(CutReason reason) noexcept {
       draft_->keyframes.push_back(
           {m.stamp, Transform<MapletFrame, CameraFrame>{m.T_origin_camera}});
     }
-    map_.assemble(*draft_, limit);
+    map_.assemble(*draft_, {looks.data(), looks.size()}, limit, deadline);
     size = encode(*draft_, bytes_);
     if (size && *size <= max_bytes) break;
     if (draft_->planes.empty()) break;

@@ -95,27 +95,23 @@ class MapletBuilder {
     double structure = 0.0;
   };
 
-  struct Recent {
-    Keyframe keyframe;
-    DepthThumb depth;
-  };
-
-  void take(const Keyframe& keyframe, const DepthThumb& depth, Deadline deadline) noexcept;
+  void see(const DepthFrame* frame) noexcept;
+  void take(const Keyframe& keyframe, Deadline deadline) noexcept;
   void start(const Keyframe& origin) noexcept;
   void start_overlapping(std::size_t shared, Deadline deadline) noexcept;
   [[nodiscard]] std::size_t choose_overlap() noexcept;
   [[nodiscard]] Member follow(const Keyframe& keyframe) const noexcept;
   [[nodiscard]] CutReason due(const Keyframe& keyframe) noexcept;
-  const MapletCut* cut(CutReason reason) noexcept;
+  const MapletCut* cut(CutReason reason, Deadline deadline) noexcept;
   void link_to(const Se3& T_previous_this, const Matrix6d& covariance) noexcept;
-  void remember(const Keyframe& keyframe, const DepthThumb& depth) noexcept;
+  void remember(const Keyframe& keyframe) noexcept;
 
   MapletConfig config_;
   PlaneMap map_;
   CutRule rule_;
   StaticVector<Member, kMaxMapletKeyframes> members_;
   // A ring: the last keyframes of the current maplet.
-  StaticVector<Arena::Owned<Recent>,
+  StaticVector<Arena::Owned<Keyframe>,
                MapletConfig::kMaxOverlapKeyframes + MapletConfig::kMaxBoundaryKeyframes>
       recent_;
   std::size_t recent_count_ = 0;  // ever, in this segment
@@ -127,7 +123,7 @@ class MapletBuilder {
   std::optional<PlanarMotion> planar_;
   MapletKey key_;
   PathLink link_;  // of the maplet under construction
-  Arena::Owned<DepthThumb> depth_;
+  StaticVector<Arena::Owned<DepthThumb>, kMaxMapletKeyframes> depths_;  // of the members, alike
   Arena::Owned<Maplet> draft_;
   Arena::Owned<MapletCut> cut_;
   std::span<std::byte> bytes_;

@@ -12,6 +12,8 @@ void DepthThumb::take(const DepthFrame& frame) noexcept {
                       (image.height_px + kMaxHeight - 1) / kMaxHeight});
   width = image.width_px / step_px;
   height = image.height_px / step_px;
+  per_px = 1.0F / static_cast<float>(step_px);
+  camera = frame.camera;
   metres_per_unit = static_cast<float>(frame.metres_per_unit);
   for (int j = 0; j < height; ++j) {
     const std::uint16_t* row = image.row(j * step_px + step_px / 2) + step_px / 2;

@@ -6,6 +6,7 @@
 #include <cstdint>
 
 #include "core/frame/depth_frame.hpp"
+#include "core/geometry/camera_model.hpp"
 
 namespace maplet {
 
@@ -14,10 +15,12 @@ namespace maplet {
 ///
 /// Memory  fixed, 160 KB: lives in the arena.
 struct DepthThumb {
-  static constexpr int kMaxWidth = 320;
-  static constexpr int kMaxHeight = 256;
+  static constexpr int kMaxWidth = 160;
+  static constexpr int kMaxHeight = 128;
 
-  int step_px = 0;  ///< 0: there is none
+  int step_px = 0;     ///< 0: there is none
+  CameraModel camera;  ///< of the whole image
+  float per_px = 1.0F;  ///< 1 / step_px
   int width = 0;
   int height = 0;
   float metres_per_unit = 0.001F;
@@ -26,9 +29,9 @@ struct DepthThumb {
   void clear() noexcept { step_px = 0; }
   void take(const DepthFrame& frame) noexcept;
   /// Depth at the sample nearest to a pixel inside the image, m; 0 = no return.
-  [[nodiscard]] float at(double u_px, double v_px) const noexcept {
-    const int i = static_cast<int>(u_px) / step_px;
-    const int j = static_cast<int>(v_px) / step_px;
+  [[nodiscard]] float at(float u_px, float v_px) const noexcept {
+    const int i = static_cast<int>(u_px * per_px);
+    const int j = static_cast<int>(v_px * per_px);
     if (i >= width || j >= height) return 0.0F;
     return static_cast<float>(depth[static_cast<std::size_t>(j * width + i)]) * metres_per_unit;
   }

@@ -90,7 +90,8 @@ bool PlaneMap::lay_grid(const FusedPlane& from, Maplet& out, MapletPlane& plane)
   return false;
 }
 
-void PlaneMap::assemble(Maplet& out, std::size_t limit) noexcept {
+void PlaneMap::assemble(Maplet& out, std::span<const KeyframeLook> looks, std::size_t limit,
+                        Deadline deadline) noexcept {
   out.cell_m = config_.cell_m;
   points_.kept = 0;
   const auto ranked = ranked_.first(planes_.count);
@@ -108,6 +109,7 @@ void PlaneMap::assemble(Maplet& out, std::size_t limit) noexcept {
     plane.plane = from.plane;
     plane.grid.axis = from.axis;
     if (!lay_grid(from, out, plane)) continue;
+    if (!looks.empty() && !deadline.expired()) carve(looks, out, plane);
     out.measure_extent(plane);
     if (plane.area_m2 < config_.min_area_m2) {
       out.give_back(plane.grid);

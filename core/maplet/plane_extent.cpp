@@ -24,11 +24,6 @@ double slack_m(double fit_m, double depth_m) noexcept {
   return 1.5 * fit_m + 0.002 * depth_m * depth_m;
 }
 
-// What was seen so far behind a cell was seen through it.
-double behind_m(double fit_m, double depth_m) noexcept {
-  return 2.0 * fit_m + 0.004 * depth_m * depth_m;
-}
-
 }  // namespace
 
 // Marks the cells under a patch: rays not quite a cell apart, cut with the plane (eq. 6).
@@ -55,15 +50,24 @@ void PlaneMap::place_patch(const View& view, FusedPlane& plane, const Patch& pat
   const Eigen::Vector3d a = view.T_camera_maplet.q * plane.anchor.u / config_.cell_m;
   const Eigen::Vector3d b = view.T_camera_maplet.q * plane.anchor.v / config_.cell_m;
   const Eigen::Vector2d offset = plane.anchor.coordinates(view.T_maplet_camera.t) / config_.cell_m;
+  // theta . ray, a . ray and b . ray change alike from one ray to the next.
+  const double wide_px = static_cast<double>(patch.width_px) / across;
+  const double high_px = static_cast<double>(patch.height_px) / down;
+  const Eigen::Vector3d ray =
+      camera.ray(patch.u_px - 0.5 + 0.5 * wide_px, patch.v_px - 0.5 + 0.5 * high_px);
+  Eigen::Matrix3d rows;
+  rows << theta.transpose(), a.transpose(), b.transpose();
+  const Eigen::Vector3d first = rows * ray;
+  const Eigen::Vector3d right = rows.col(0) * (wide_px / camera.fx_px);
+  const Eigen::Vector3d below = rows.col(1) * (high_px / camera.fy_px);
   Tile* tile = nullptr;
   for (int j = 0; j < down; ++j) {
     for (int i = 0; i < across; ++i) {
-      const Eigen::Vector3d ray = camera.ray(patch.u_px - 0.5 + (i + 0.5) * patch.width_px / across,
-                                             patch.v_px - 0.5 + (j + 0.5) * patch.height_px / down);
-      const double inverse_depth = theta.dot(ray);
-      if (inverse_depth < kMinInverseDepth) continue;
-      const double x = a.dot(ray) / inverse_depth + offset.x();
-      const double y = b.dot(ray) / inverse_depth + offset.y();
+      const Eigen::Vector3d at = first + i * right + j * below;
+      if (at.x() < kMinInverseDepth) continue;
+      const double depth_m = 1.0 / at.x();
+      const double x = at.y() * depth_m + offset.x();
+      const double y = at.z() * depth_m + offset.y();
       if (!(std::abs(x) < kMaxCell && std::abs(y) < kMaxCell)) continue;
       const int column = floor_of(x);
       const int row = floor_of(y);
@@ -132,7 +136,8 @@ void PlaneMap::look(const View& view, Deadline deadline) noexcept {
   const CameraModel& camera = view.set.camera;
   const double reach = Tile::kSide * config_.cell_m * 0.75;
   for (const FusedPlane& plane : planes_.span()) {
-    if (plane.plane.distance(view.T_maplet_camera.t) < 0.05) continue;  // seen from behind
+    if (plane.plane.distance(view.T_maplet_camera.t) < kBehindPlane_m)
+      continue;  // seen from behind
     if (deadline.expired()) {
       ++counts_.deadline_misses;
       return;
@@ -158,7 +163,9 @@ void PlaneMap::look(const View& view, Deadline deadline) noexcept {
 // What the keyframe saw along a ray through a pixel inside its image; 0 = nothing.
 double PlaneMap::seen_depth_m(const View& view, const Eigen::Vector3d& ray, double u_px,
                               double v_px) const noexcept {
-  if (view.depth != nullptr && view.depth->step_px > 0) return view.depth->at(u_px, v_px);
+  if (view.depth != nullptr) {
+    return view.depth->at(static_cast<float>(u_px), static_cast<float>(v_px));
+  }
   const std::int16_t seen =
       labels_[static_cast<int>(v_px) / View::kBlock_px * view.blocks_across() +
               static_cast<int>(u_px) / View::kBlock_px];
@@ -184,7 +191,7 @@ void PlaneMap::look_at_tile(const View& view, const FusedPlane& plane, Tile& til
     for (int part = 0; part < 4; ++part) {
       const Eigen::Vector3d p = first + (part & 1) * u + (part >> 1) * v;
       if (p.z() < 0.2) continue;
-      const Eigen::Vector3d ray = p / p.z();
+      const Eigen::Vector3d ray = p * (1.0 / p.z());
       const double x = camera.fx_px * ray.x() + camera.cx_px + 0.5;
       const double y = camera.fy_px * ray.y() + camera.cy_px + 0.5;
       if (!(x >= 0.0 && y >= 0.0 && x < camera.width_px && y < camera.height_px)) continue;

@@ -26,7 +26,8 @@ PlaneMap::PlaneMap(const MapletConfig& config, Arena& arena)
                                              "maplet/labels")},
       order_{arena.make_array<std::uint16_t>(kMaxPatches, "maplet/patch order")},
       first_of_{arena.make_array<std::uint16_t>(kMaxFramePlanes + 2, "maplet/plane starts")},
-      ranked_{arena.make_array<std::uint16_t>(kPlanes, "maplet/ranking")} {}
+      ranked_{arena.make_array<std::uint16_t>(kPlanes, "maplet/ranking")},
+      looks_{arena.make_array<CellLooks>(kMaxGridCells * kMaxGridCells, "maplet/looks at cells")} {}
 
 void PlaneMap::clear() noexcept {
   cells_.clear();
@@ -36,7 +37,7 @@ void PlaneMap::clear() noexcept {
   points_ = {};
 }
 
-void PlaneMap::add(const PatchSet& set, const DepthThumb& depth, const Se3& T_maplet_camera,
+void PlaneMap::add(const PatchSet& set, const DepthThumb* depth, const Se3& T_maplet_camera,
                    const Matrix6d& covariance, Deadline deadline) noexcept {
   ++keyframe_;
   points_.seen += set.valid_pixels;

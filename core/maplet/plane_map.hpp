@@ -27,6 +27,7 @@ struct MapletCounts {
   std::uint64_t planes_trimmed = 0;   ///< left out to keep maplet.max_bytes
   std::uint64_t quads_kept = 0;       ///< loose patches that are worth a plane of their own
   std::uint64_t quads_left_out = 0;
+  std::uint64_t cells_carved = 0;    ///< seen through their plane as it was in the end
   std::uint64_t hidden_origins = 0;  ///< a surface is between them and the origin before
 };
 
@@ -34,6 +35,12 @@ struct MapletCounts {
 struct PointShare {
   std::uint64_t seen = 0;
   std::uint64_t kept = 0;
+};
+
+/// A keyframe's depth, and where it was taken.
+struct KeyframeLook {
+  Se3 T_maplet_camera;
+  const DepthThumb* depth;
 };
 
 /// The planes of the maplet under construction and what keyframes saw of them.
@@ -55,14 +62,19 @@ class PlaneMap {
   [[nodiscard]] Se3 refine(const PatchSet& set, const Se3& T, const Matrix6d& covariance) noexcept;
 
   /// Fuses a keyframe's planes and patches.
-  /// @param depth  what the keyframe saw; where there is none its patches stand for it
+  /// @param depth  what the keyframe saw; nullptr: its patches stand for it
   /// @param covariance  of T_maplet_camera, tangent of camera
-  void add(const PatchSet& set, const DepthThumb& depth, const Se3& T_maplet_camera,
+  void add(const PatchSet& set, const DepthThumb* depth, const Se3& T_maplet_camera,
            const Matrix6d& covariance, Deadline deadline) noexcept;
 
-  /// Writes the planes into `out`, the most informative first.
+  /// Writes the planes into `out`, the most informative first. Cells that keyframes saw through the
+  /// planes as they are in the end are left out: those that were looked at when they were added had
+  /// not settled yet.
+  /// @param looks  what the keyframes saw; none: cells stay as add() left them
   /// @param limit  planes at most
-  void assemble(Maplet& out, std::size_t limit) noexcept;
+  /// @param deadline  of the looks: from there on cells stay as add() left them
+  void assemble(Maplet& out, std::span<const KeyframeLook> looks, std::size_t limit,
+                Deadline deadline) noexcept;
 
   /// Of what the last assemble wrote.
   [[nodiscard]] const PointShare& points() const noexcept { return points_; }
@@ -80,6 +92,11 @@ class PlaneMap {
 
  private:
   struct View;  // one keyframe, while it is added
+
+  struct CellLooks {
+    std::uint16_t on;
+    std::uint16_t through;
+  };
 
   // An arena array that is filled from the front.
   struct PlaneList {
@@ -111,6 +128,7 @@ class PlaneMap {
                                 const CellGrid& grid, int column, int row) const noexcept;
   [[nodiscard]] bool lay_grid(const FusedPlane& from, Maplet& out,
                               MapletPlane& plane) const noexcept;
+  void carve(std::span<const KeyframeLook> looks, Maplet& out, const MapletPlane& plane) noexcept;
   void look_at_tile(const View& view, const FusedPlane& plane, Tile& tile) const noexcept;
   [[nodiscard]] double seen_depth_m(const View& view, const Eigen::Vector3d& ray, double u_px,
                                     double v_px) const noexcept;
@@ -122,6 +140,7 @@ class PlaneMap {
   std::span<std::uint16_t> order_;     // patches, those of one frame plane together
   std::span<std::uint16_t> first_of_;  // of each frame plane in order_
   std::span<std::uint16_t> ranked_;    // planes, for assemble
+  std::span<CellLooks> looks_;         // of one plane's cells, for assemble
   std::uint32_t serial_ = 0;
   std::uint32_t keyframe_ = 0;
   MapletCounts counts_;

@@ -8,13 +8,20 @@
 
 namespace maplet {
 
+inline constexpr double kBehindPlane_m = 0.05;  ///< a camera nearer than that sees no front
+
+/// What was seen so far behind a cell was seen through it.
+[[nodiscard]] inline double behind_m(double fit_m, double depth_m) noexcept {
+  return 2.0 * fit_m + 0.004 * depth_m * depth_m;
+}
+
 /// One keyframe while it is added to a PlaneMap.
 struct PlaneMap::View {
   const PatchSet& set;
   const Se3 T_maplet_camera;
   const Se3 T_camera_maplet;
   const Matrix6d& covariance;
-  const DepthThumb* depth;  ///< nullptr, or with step_px 0: patches say what was seen
+  const DepthThumb* depth;  ///< or nullptr: patches say what was seen
   std::span<const std::uint16_t> order;
   std::span<const std::uint16_t> first_of;
 
