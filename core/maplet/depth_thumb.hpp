@@ -13,13 +13,13 @@ namespace maplet {
 /// Every n-th pixel of a depth image: what a keyframe looks at its maplet's cells with, also when
 /// it is taken into the next maplet.
 ///
-/// Memory  fixed, 160 KB: lives in the arena.
+/// Memory  fixed, 40 KB: lives in the arena.
 struct DepthThumb {
   static constexpr int kMaxWidth = 160;
   static constexpr int kMaxHeight = 128;
 
-  int step_px = 0;     ///< 0: there is none
-  CameraModel camera;  ///< of the whole image
+  int step_px = 0;      ///< 0: there is none
+  CameraModel camera;   ///< of the whole image
   float per_px = 1.0F;  ///< 1 / step_px
   int width = 0;
   int height = 0;

@@ -115,6 +115,43 @@ TEST(MapletBuilder, SurfaceThatIsSeenThroughGoes) {
   }
 }
 
+// What was added to a plane is looked at again where the plane is in the end.
+TEST(PlaneMap, CellsSeenThroughTheSettledPlaneGo) {
+  const std::vector<test::Wall> wall{{{4.0, 2.5, 1.2}, {0, 0, 1.0}, {0, 1.2, 0}}};
+  Keyframe k;
+  test::render(wall, camera(1.0, 2.5, 0.0), k);
+  const CameraModel& c = k.patches.camera;
+  std::vector<std::uint16_t> wall_mm(static_cast<std::size_t>(c.width_px * c.height_px), 3000);
+  std::vector<std::uint16_t> window_mm = wall_mm;  // its left half is open
+  for (std::size_t i = 0; i < window_mm.size(); ++i) {
+    if (static_cast<int>(i) % c.width_px < c.width_px / 2) window_mm[i] = 6000;
+  }
+  const auto cells_with = [&](const std::vector<std::uint16_t>* depth_mm, Deadline deadline) {
+    Arena arena;
+    PlaneMap map{{}, arena};
+    map.add(k.patches, nullptr, Se3{}, Matrix6d::Identity() * 1e-6, Deadline::never());
+    const auto thumb = std::make_unique<DepthThumb>();
+    std::vector<KeyframeLook> looks;
+    if (depth_mm != nullptr) {
+      DepthFrame frame;
+      frame.camera = c;
+      frame.depth = {depth_mm->data(), c.width_px, c.height_px, c.width_px};
+      thumb->take(frame);
+      looks.push_back({Se3{}, thumb.get()});
+    }
+    const auto out = std::make_unique<Maplet>();
+    map.assemble(*out, looks, kMaxMapletPlanes, deadline);
+    EXPECT_EQ(out->planes.size(), 1U);
+    return out->planes.empty() ? 0 : out->planes[0].grid.occupied;
+  };
+  const auto all = cells_with(nullptr, Deadline::never());
+  EXPECT_GT(all, 1000U);
+  EXPECT_EQ(cells_with(&wall_mm, Deadline::never()), all);
+  EXPECT_NEAR(cells_with(&window_mm, Deadline::never()), all / 2, all / 20);
+  const ManualClock clock;
+  EXPECT_EQ(cells_with(&window_mm, Deadline{clock, {}}), all);  // no time: as they were added
+}
+
 TEST(MapletBuilder, UpIsFoundOnTheFloorGivenOrUnknown) {
   const auto up_of_first = [](const Vector3OrAuto& up, const std::vector<test::Wall>& walls) {
     Walk walk{{}, walls};
