@@ -26,8 +26,7 @@ PlaneMap::PlaneMap(const MapletConfig& config, Arena& arena)
                                              "maplet/labels")},
       order_{arena.make_array<std::uint16_t>(kMaxPatches, "maplet/patch order")},
       first_of_{arena.make_array<std::uint16_t>(kMaxFramePlanes + 2, "maplet/plane starts")},
-      ranked_{arena.make_array<std::uint16_t>(kPlanes, "maplet/ranking")},
-      looks_{arena.make_array<CellLooks>(kMaxGridCells * kMaxGridCells, "maplet/looks at cells")} {}
+      ranked_{arena.make_array<std::uint16_t>(kPlanes, "maplet/ranking")} {}
 
 void PlaneMap::clear() noexcept {
   cells_.clear();
@@ -42,7 +41,7 @@ void PlaneMap::add(const PatchSet& set, const DepthThumb* depth, const Se3& T_ma
   ++keyframe_;
   points_.seen += set.valid_pixels;
   label(set);
-  const View view{set,    T_maplet_camera, T_maplet_camera.inverse(), covariance, &depth,
+  const View view{set,    T_maplet_camera, T_maplet_camera.inverse(), covariance, depth,
                   order_, first_of_};
   for (std::size_t f = 0; f < set.planes.size(); ++f) {
     if (view.patches_of(f).empty()) continue;

@@ -97,6 +97,7 @@ class PlaneMap {
     std::uint16_t on;
     std::uint16_t through;
   };
+  struct GridLook;  // one keyframe's at one plane
 
   // An arena array that is filled from the front.
   struct PlaneList {
@@ -129,6 +130,8 @@ class PlaneMap {
   [[nodiscard]] bool lay_grid(const FusedPlane& from, Maplet& out,
                               MapletPlane& plane) const noexcept;
   void carve(std::span<const KeyframeLook> looks, Maplet& out, const MapletPlane& plane) noexcept;
+  void look_along(const GridLook& look, int line, const Maplet& out, const CellGrid& grid,
+                  std::span<CellLooks> cells) const noexcept;
   void look_at_tile(const View& view, const FusedPlane& plane, Tile& tile) const noexcept;
   [[nodiscard]] double seen_depth_m(const View& view, const Eigen::Vector3d& ray, double u_px,
                                     double v_px) const noexcept;
@@ -140,7 +143,6 @@ class PlaneMap {
   std::span<std::uint16_t> order_;     // patches, those of one frame plane together
   std::span<std::uint16_t> first_of_;  // of each frame plane in order_
   std::span<std::uint16_t> ranked_;    // planes, for assemble
-  std::span<CellLooks> looks_;         // of one plane's cells, for assemble
   std::uint32_t serial_ = 0;
   std::uint32_t keyframe_ = 0;
   MapletCounts counts_;
