@@ -77,8 +77,8 @@ class Icap {
   [[nodiscard]] std::span<const PlanePair> pairs() const noexcept { return pairs_.pairs(); }
 
  private:
-  [[nodiscard]] bool start(const Maplet& a, const Maplet& b, Se3& T, double gate_m,
-                           double gate_rad, Deadline deadline) noexcept;
+  [[nodiscard]] bool start(const Maplet& a, const Maplet& b, Se3& T, double gate_m, double gate_rad,
+                           Deadline deadline) noexcept;
   [[nodiscard]] bool improve(Se3& T, const Se3& guess, bool closed_form) noexcept;
   void solve_closed_form(Se3& T, const Se3& guess) const noexcept;
   void conclude(const Maplet& a, const Maplet& b, const Se3& T, MapletAlignment& out) noexcept;

@@ -149,7 +149,8 @@ TEST(PlaneMap, CellsSeenThroughTheSettledPlaneGo) {
   EXPECT_EQ(cells_with(&wall_mm, Deadline::never()), all);
   EXPECT_NEAR(cells_with(&window_mm, Deadline::never()), all / 2, all / 20);
   const ManualClock clock;
-  EXPECT_EQ(cells_with(&window_mm, Deadline{clock, Duration{0}}), all);  // no time: as they were added
+  EXPECT_EQ(cells_with(&window_mm, Deadline{clock, Duration{0}}),
+            all);  // no time: as they were added
 }
 
 TEST(MapletBuilder, UpIsFoundOnTheFloorGivenOrUnknown) {
