@@ -31,7 +31,7 @@ def fly(build, source, out):
     words = emulator(build)
     environment = os.environ | ({"MAPLET_EMULATOR": " ".join(map(str, words))} if words else {})
     run = subprocess.run([*words, build / "bin/mapletd", "--source", source, "--no-dds", "--out", out,
-                          "--set", "frame.budget_us=1000000"],
+                          "--set", "frame.budget_us=1000000", "--set", "control.socket=none"],
                          stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, env=environment)
     if run.returncode != 0:
         sys.exit(f"FAIL  {build}: mapletd ended with {run.returncode}:\n{run.stderr}")
