@@ -21,7 +21,7 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   for (std::size_t k = 1; k + 2 < texts.size(); k += 3)
     folder.robots.push_back({texts[k], texts[k + 1], texts[k + 2]});
   graphs::GraphFile graph;
-  graphs::read_mrclam(folder, graph);
+  graphs::read_mrclam(folder, 0, graph);
   fuzz::require(graph.complaints.size() <= graphs::GraphFile::kMaxComplaints,
                 "complaints are bounded");
   for (const auto& e : graph.edges) {

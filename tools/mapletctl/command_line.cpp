@@ -8,17 +8,26 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <limits>
 
 namespace maplet::ctl {
 
 namespace {
 
-/// A number that `holds`; CLI11's own validators name DBL_MAX as the other end.
-CLI::Validator number(bool (*holds)(double), const std::string& wanted, const std::string& name) {
+/// A number from `least` on, or above it; CLI11's own validators name DBL_MAX as the other end.
+/// @param most  of whole numbers; 0: others are wanted
+CLI::Validator number(double least, bool above, double most, const std::string& name) {
+  const std::string wanted = most > 0.0 ? fmt::format("a whole number from {:.0f} to {:.0f}",
+                                                      above ? least + 1 : least, most)
+                             : above    ? fmt::format("a number above {:g}", least)
+                                        : fmt::format("{:g} or a number above", least);
   return {[=](std::string& text) {
             double value = 0.0;
-            if (CLI::detail::lexical_cast(text, value) && holds(value)) return std::string{};
-            return fmt::format("{} is not {}", text, wanted);
+            const bool holds = CLI::detail::lexical_cast(text, value) && std::isfinite(value) &&
+                               (above ? value > least : value >= least) &&
+                               (most == 0.0 || (value <= most && value == std::floor(value) &&
+                                                text.find_first_of(".eE") == std::string::npos));
+            return holds ? std::string{} : fmt::format("{} is not {}", text, wanted);
           },
           name};
 }
@@ -56,12 +65,12 @@ Argument& Argument::range(double min, double max) {
 }
 
 Argument& Argument::positive() {
-  option_->check(number([](double x) { return x > 0.0; }, "a number above 0", "POSITIVE"));
+  option_->check(number(0.0, true, most_, "POSITIVE"));
   return *this;
 }
 
 Argument& Argument::non_negative() {
-  option_->check(number([](double x) { return x >= 0.0; }, "0 or a number above", "NONNEGATIVE"));
+  option_->check(number(0.0, false, most_, "NONNEGATIVE"));
   return *this;
 }
 
@@ -103,12 +112,12 @@ Command Command::add_command(const std::string& name, const std::string& help) c
 void Command::require_command() const { app_->require_subcommand(1); }
 
 Argument Command::add_option(const std::string& name, int& value, const std::string& help) const {
-  return Argument{app_->add_option(name, value, help)};
+  return Argument{app_->add_option(name, value, help), std::numeric_limits<int>::max()};
 }
 
 Argument Command::add_option(const std::string& name, std::uint64_t& value,
                              const std::string& help) const {
-  return Argument{app_->add_option(name, value, help)};
+  return Argument{app_->add_option(name, value, help), 0x1p53};
 }
 
 Argument Command::add_option(const std::string& name, double& value,

@@ -17,7 +17,8 @@ namespace maplet::ctl {
 /// runs, and a wrong value ends in exit code 2 with a line that says what would be right.
 class Argument {
  public:
-  explicit Argument(CLI::Option* option) : option_{option} {}
+  /// @param most  of whole numbers; 0: others are wanted
+  explicit Argument(CLI::Option* option, double most = 0.0) : option_{option}, most_{most} {}
 
   Argument& required();
   /// What --help calls the value: FILE, DIR, KEY=VALUE.
@@ -39,6 +40,7 @@ class Argument {
 
  private:
   CLI::Option* option_;
+  double most_;
 };
 
 /// A command of the command line, or the command line itself. Only command_line.cpp knows the

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/skeleton/ordering.hpp"
+#include "tools/solve/roomy_arena.hpp"
 
 namespace maplet::graphs {
 
@@ -19,7 +20,8 @@ int factor_blocks(int nodes, std::span<const std::pair<int, int>> edges) {
   std::vector<int> all(static_cast<std::size_t>(nodes));
   std::iota(all.begin(), all.end(), 0);
   for (int room = 64 * nodes;; room *= 4) {
-    Arena arena{std::uint64_t{1} << 36};
+    const auto room_for_all = roomy_arena(std::uint64_t{1} << 36);
+    Arena& arena = *room_for_all;
     const std::span<ColumnSlot> slots =
         arena.make_array<ColumnSlot>(static_cast<std::size_t>(room), "solve/fill");
     Ordering ordering{nodes, std::max(1, static_cast<int>(edges.size())), slots, arena};
@@ -62,7 +64,7 @@ PoseGraphLimits limits_for(const GraphFile& file, std::span<const Item> items, s
   const int factors = std::max<int>(1, static_cast<int>(items.size()));
   if (max_nodes == 0 || max_nodes >= all) return {all, factors, blocks_wanted(file, items)};
   PoseGraphLimits limits;
-  limits.max_nodes = std::max(16, max_nodes);
+  limits.max_nodes = std::max(kLeastNodes, max_nodes);
   // The file's own share of factors, and what a batch of contractions needs for a while.
   const double share = std::max(1.2, static_cast<double>(factors) / all);
   limits.max_factors = static_cast<int>(1.5 * share * limits.max_nodes) + 64;

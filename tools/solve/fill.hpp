@@ -13,6 +13,9 @@ namespace maplet::graphs {
 /// degree: what the solver's pool is sized by when all of the graph is known beforehand.
 [[nodiscard]] int factor_blocks(int nodes, std::span<const std::pair<int, int>> edges);
 
+/// A graph that is kept small has at least so many nodes.
+inline constexpr int kLeastNodes = 16;
+
 /// What the engine needs for a file: room for all of it, the old factor and the new one with some
 /// fill to spare; or, with max_nodes > 0, for that many and their share of the factors.
 [[nodiscard]] PoseGraphLimits limits_for(const GraphFile& file, std::span<const Item> items,

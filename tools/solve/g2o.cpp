@@ -50,7 +50,7 @@ const char* read_sight(Words& words, Edge& edge) {
   return words.numbers(&edge.information(row, row), 1);
 }
 
-const char* read_vertex(Words& words, const Tag& tag, GraphFile& graph) {
+const char* read_vertex(Words& words, const Tag& tag, int file, int line, GraphFile& graph) {
   Vertex vertex;
   if (!words.read(vertex.id)) return "the vertex's number is malformed";
   const bool point = tag.kind == FactorKind::kPosition;
@@ -58,6 +58,8 @@ const char* read_vertex(Words& words, const Tag& tag, GraphFile& graph) {
       point ? words.numbers(vertex.pose.t.data(), 2) : read_pose(words, tag.planar, vertex.pose);
   if (wrong != nullptr) return wrong;
   if (point) graph.points.insert(vertex.id);
+  vertex.file = file;
+  vertex.line = line;
   graph.vertices.push_back(vertex);
   return nullptr;
 }
@@ -74,7 +76,7 @@ const char* read_line(std::string_view line, GraphFile& graph, Edge& edge) {
   }
   const char* wrong = nullptr;
   if (tag->vertex) {
-    wrong = read_vertex(words, *tag, graph);
+    wrong = read_vertex(words, *tag, edge.file, edge.line, graph);
   } else {
     edge.kind = tag->kind;
     if (!words.read(edge.a) || !words.read(edge.b)) return "a vertex's number is malformed";
@@ -105,10 +107,21 @@ const char* read_pose(Words& words, bool planar, Se3& pose) {
   return nullptr;
 }
 
-void complain(GraphFile& graph, int file, int line, const char* what) {
+void complain(GraphFile& graph, int file, int line, const char* what, const std::string& part) {
+  constexpr int kOfAKind = 3;
   ++graph.bad_lines;
-  if (graph.complaints.size() < GraphFile::kMaxComplaints)
-    graph.complaints.push_back({file, line, what});
+  Complaint* last = nullptr;
+  int same = 0;
+  for (Complaint& c : graph.complaints) {
+    if (c.file != file || c.part != part || std::string_view{c.what} != what) continue;
+    last = &c;
+    ++same;
+  }
+  if (same >= kOfAKind) {
+    ++last->more;
+  } else if (graph.complaints.size() < GraphFile::kMaxComplaints) {
+    graph.complaints.push_back({file, line, what, part});
+  }
 }
 
 void read_g2o(std::string_view text, int file, GraphFile& graph) {

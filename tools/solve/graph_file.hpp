@@ -20,6 +20,8 @@ namespace maplet::graphs {
 struct Vertex {
   std::uint64_t id = 0;
   Se3 pose;
+  int file = 0;
+  int line = 0;
 };
 
 struct Edge {
@@ -41,6 +43,8 @@ struct Complaint {
   int file = 0;
   int line = 0;
   const char* what = "";
+  std::string part;        ///< of a folder: the file in it
+  std::uint64_t more = 0;  ///< further lines of that file of which the same is to be said
 };
 
 struct GraphFile {
@@ -51,7 +55,7 @@ struct GraphFile {
   std::set<std::uint64_t> points;            ///< ids of places without an orientation
   std::map<std::uint64_t, double> stamps_s;  ///< of poses, where the file has times
   std::map<std::uint64_t, Se3> truth;        ///< where the file has it: never used to solve
-  std::vector<Complaint> complaints;         ///< the first kMaxComplaints
+  std::vector<Complaint> complaints;         ///< the first kMaxComplaints, three of a kind
   std::uint64_t bad_lines = 0;
   std::uint64_t unknown_lines = 0;  ///< tags that are not for us
   static constexpr std::size_t kMaxComplaints = 100;
@@ -81,7 +85,7 @@ struct MrclamTexts {
 /// Odometry merged to 1 Hz, what the robots see of each other and of the landmarks as ranges with
 /// bearings. Robot r's pose at second k after the first one's start is 'A' + r - 1, k; landmark n
 /// is 'L', n. As read_g2o.
-void read_mrclam(const MrclamTexts& texts, GraphFile& graph);
+void read_mrclam(const MrclamTexts& texts, int file, GraphFile& graph);
 
 /// By what the path names: a folder is MRCLAM, *.pyfg is pyfg, else g2o.
 /// @throws std::runtime_error when it cannot be read

@@ -18,10 +18,17 @@ constexpr double kFastest = 100.0;  // m/s, rad/s
 constexpr double kFarthest_m = 1e6;
 constexpr std::uint64_t kMostSeconds = 100'000;
 
-/// Lines of numbers; others are complained of.
-std::vector<std::array<double, 4>> table(const std::string& text, int columns, GraphFile& graph) {
-  std::vector<std::array<double, 4>> rows;
-  std::string_view rest = text;
+/// A file of the folder.
+struct Part {
+  const std::string& text;
+  std::string name;
+  int folder;
+};
+
+/// Calls take(row, line) for lines of numbers; others are complained of.
+template <class Take>
+void for_each_row(const Part& part, int columns, GraphFile& graph, Take&& take) {
+  std::string_view rest = part.text;
   for (int line = 1; !rest.empty(); ++line) {
     Words words{take_line(rest)};
     Words copy = words;
@@ -29,12 +36,21 @@ std::vector<std::array<double, 4>> table(const std::string& text, int columns, G
     if (first.empty() || first.front() == '#') continue;
     std::array<double, 4> row{};
     if (const char* wrong = words.numbers(row.data(), columns)) {
-      complain(graph, 0, line, wrong);
+      complain(graph, part.folder, line, wrong, part.name);
     } else {
-      rows.push_back(row);
+      take(row, line);
     }
   }
+}
+
+std::vector<std::array<double, 4>> table(const Part& part, int columns, GraphFile& graph) {
+  std::vector<std::array<double, 4>> rows;
+  for_each_row(part, columns, graph, [&](const auto& row, int) { rows.push_back(row); });
   return rows;
+}
+
+std::string name_of(std::size_t robot, const char* what) {
+  return "Robot" + std::to_string(robot + 1) + "_" + what + ".dat";
 }
 
 std::uint64_t robot_id(std::size_t robot, std::uint64_t second) {
@@ -136,9 +152,9 @@ Edge sight(std::size_t robot, const Odometry& odometry, double t, double range, 
   return e;
 }
 
-void add_truth(std::size_t robot, const std::string& text, const Odometry& odometry, double start_s,
+void add_truth(std::size_t robot, const Part& part, const Odometry& odometry, double start_s,
                GraphFile& graph) {
-  const auto rows = table(text, 4, graph);
+  const auto rows = table(part, 4, graph);
   for (std::uint64_t k = odometry.first_second(); k <= odometry.last_second(); ++k) {
     const double t = start_s + static_cast<double>(k);
     const auto after = std::lower_bound(rows.begin(), rows.end(), t,
@@ -152,18 +168,18 @@ void add_truth(std::size_t robot, const std::string& text, const Odometry& odome
 
 }  // namespace
 
-void read_mrclam(const MrclamTexts& texts, GraphFile& graph) {
+void read_mrclam(const MrclamTexts& texts, int file, GraphFile& graph) {
   graph.planar = true;
   std::map<long, Subject> subjects;  // by barcode
-  for (const auto& row : table(texts.barcodes, 2, graph)) {
+  for (const auto& row : table({texts.barcodes, "Barcodes.dat", file}, 2, graph)) {
     if (!(row[0] >= 1.0) || row[0] > 1e6 || std::abs(row[1]) > 1e6) continue;
     const auto number = static_cast<std::size_t>(row[0]);
     subjects[static_cast<long>(row[1])] = {number <= texts.robots.size(), number};
   }
   std::vector<std::vector<std::array<double, 4>>> wheels;
   double start_s = std::numeric_limits<double>::infinity();
-  for (const auto& robot : texts.robots) {
-    wheels.push_back(table(robot.odometry, 3, graph));
+  for (std::size_t r = 0; r < texts.robots.size(); ++r) {
+    wheels.push_back(table({texts.robots[r].odometry, name_of(r, "Odometry"), file}, 3, graph));
     if (!wheels.back().empty()) start_s = std::min(start_s, wheels.back().front()[0]);
   }
   std::vector<Odometry> odometry;
@@ -172,17 +188,19 @@ void read_mrclam(const MrclamTexts& texts, GraphFile& graph) {
     const Odometry& own = odometry[r];
     if (own.empty() || own.last_second() < own.first_second()) continue;
     add_odometry(r, own, start_s, graph);
-    add_truth(r, texts.robots[r].groundtruth, own, start_s, graph);
-    for (const auto& [stamp, barcode, range, bearing] :
-         table(texts.robots[r].measurements, 4, graph)) {
+    add_truth(r, {texts.robots[r].groundtruth, name_of(r, "Groundtruth"), file}, own, start_s,
+              graph);
+    const Part seen{texts.robots[r].measurements, name_of(r, "Measurement"), file};
+    for_each_row(seen, 4, graph, [&](const auto& row, int line) {
+      const auto& [stamp, barcode, range, bearing] = row;
       const auto found =
           std::abs(barcode) < 1e6 ? subjects.find(static_cast<long>(barcode)) : subjects.end();
       const double t = stamp - start_s;
-      if (found == subjects.end() || !(t >= -1.0) || !(t < kMostSeconds) || !(range > 0.0) ||
-          !(range < kFarthest_m) || !(std::abs(bearing) < 10.0)) {
-        complain(graph, 0, 0, "a measurement of nothing known");
-        continue;
-      }
+      const auto refuse = [&](const char* what) { complain(graph, file, line, what, seen.name); };
+      if (found == subjects.end()) return refuse("a measurement of a barcode that is nobody's");
+      if (!(t >= -1.0) || !(t < kMostSeconds)) return refuse("a measurement before the odometry");
+      if (!(range > 0.0) || !(range < kFarthest_m) || !(std::abs(bearing) < 10.0))
+        return refuse("a range or bearing that cannot be");
       Edge e = sight(r, own, t, range, bearing);
       if (found->second.robot) {
         const std::size_t other = found->second.number - 1;
@@ -190,7 +208,7 @@ void read_mrclam(const MrclamTexts& texts, GraphFile& graph) {
         const std::uint64_t second = e.a & ((std::uint64_t{1} << 56) - 1);
         if (other == r || theirs.empty() || second < theirs.first_second() ||
             second > theirs.last_second())
-          continue;
+          return;
         e.b = robot_id(other, second);
         const Se2 off = theirs.between(static_cast<double>(second), t);  // it moves, too
         const double more = off.x * off.x + off.y * off.y;
@@ -201,9 +219,9 @@ void read_mrclam(const MrclamTexts& texts, GraphFile& graph) {
         graph.points.insert(e.b);
       }
       graph.edges.push_back(e);
-    }
+    });
   }
-  for (const auto& row : table(texts.landmarks, 3, graph)) {
+  for (const auto& row : table({texts.landmarks, "Landmark_Groundtruth.dat", file}, 3, graph)) {
     if (!(row[0] >= 0.0) || row[0] > 1e6) continue;
     graph.truth[symbol('L', static_cast<std::uint64_t>(row[0]))].t = {row[1], row[2], 0.0};
   }

@@ -10,8 +10,11 @@
 namespace maplet::graphs {
 namespace {
 
+/// What a double's sixteen digits still tell apart in one graph.
+constexpr double kFarthest_m = 1e15;
+constexpr double kSharpest = 1e24;
+
 bool positive(const Edge& e, bool planar) {
-  if (!e.information.allFinite()) return false;
   const auto rows = [&](int first, int count) {
     const Eigen::MatrixXd block = e.information.block(first, first, count, count);
     return Eigen::LLT<Eigen::MatrixXd>{block}.info() == Eigen::Success;
@@ -31,6 +34,20 @@ bool positive(const Edge& e, bool planar) {
   }
 }
 
+/// @return why an edge cannot be used, or nullptr
+const char* fault(const Edge& e, const GraphFile& graph) {
+  const bool prior = e.kind == FactorKind::kPrior;
+  if (!prior && e.a == e.b) return "it leads from a pose to itself";
+  if (graph.points.contains(e.a) || (!measure::is_sight(e.kind) && graph.points.contains(e.b)))
+    return "a pose is wanted where it names a point";
+  if (!e.information.allFinite()) return "its information is not finite";
+  if (!positive(e, graph.planar)) return "its information is not positive definite";
+  if (e.information.cwiseAbs().maxCoeff() > kSharpest) return "its information is beyond 1e24";
+  if (!(e.z.t.cwiseAbs().maxCoeff() < kFarthest_m) || !(e.range_m < kFarthest_m))
+    return "it is longer than 1e15 m";
+  return nullptr;
+}
+
 }  // namespace
 
 bool is_odometry(const Edge& e) {
@@ -48,10 +65,8 @@ Order in_time_order(const GraphFile& graph) {
   };
   for (int i = 0; i < static_cast<int>(graph.edges.size()); ++i) {
     const Edge& e = graph.edges[i];
-    const bool prior = e.kind == FactorKind::kPrior;
-    if (prior != (e.a == e.b) || graph.points.contains(e.a) ||
-        (!measure::is_sight(e.kind) && graph.points.contains(e.b)) || !positive(e, graph.planar)) {
-      ++order.bad_edges;
+    if (const char* why = fault(e, graph)) {
+      if (++order.bad_edges <= Order::kMostNamed) order.named.push_back({i, why});
       continue;
     }
     seen.insert({e.a, e.b});

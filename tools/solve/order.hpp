@@ -15,9 +15,17 @@ struct Item {
   int edge;
 };
 
+/// An edge that is left out, and why.
+struct BadEdge {
+  int edge;
+  const char* why;
+};
+
 struct Order {
+  static constexpr std::size_t kMostNamed = 10;
   std::vector<Item> items;
-  std::uint64_t bad_edges = 0;  ///< to itself, no information, no pose at either end
+  std::uint64_t bad_edges = 0;
+  std::vector<BadEdge> named;  ///< the first of them
   std::size_t nodes = 0;
 };
 

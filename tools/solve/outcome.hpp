@@ -20,6 +20,17 @@ inline double chi2_g2o(const Factor<SpatialSpace>& f) {
   return e.dot(unpack<SpatialSpace>(f.information) * e);
 }
 
+/// Vertices that no edge names stay where their file has them, each a group of its own.
+inline void add_lone_vertices(const GraphFile& file, SolveOutcome& outcome) {
+  std::set<std::uint64_t> there;
+  for (const Vertex& v : outcome.solution.vertices) there.insert(v.id);
+  for (const Vertex& v : file.vertices) {
+    if (!there.insert(v.id).second) continue;
+    outcome.solution.vertices.push_back(v);
+    ++outcome.groups;
+  }
+}
+
 /// What the graph has come to.
 template <class Space>
 void give_solution(const PoseGraph<Space>& solver, const NodeTable<Space>& table,
@@ -33,6 +44,7 @@ void give_solution(const PoseGraph<Space>& solver, const NodeTable<Space>& table
     outcome.groups += graph.node(n).group == n ? 1 : 0;
     if (const auto t = file.stamps_s.find(id); t != file.stamps_s.end()) out.stamps_s.insert(*t);
   });
+  if (!table.limited()) add_lone_vertices(file, outcome);
   if (outcome.contracted == 0 && outcome.dropped_factors == 0) {
     out.edges = file.edges;
   } else {  // what the factors have become

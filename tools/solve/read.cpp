@@ -26,6 +26,10 @@ std::string slurp_if_there(const fs::path& path) {
 MrclamTexts read_folder(const fs::path& folder) {
   constexpr int kMostRobots = 20;
   MrclamTexts texts;
+  if (!fs::exists(folder / "Barcodes.dat") || !fs::exists(folder / "Robot1_Odometry.dat"))
+    throw std::runtime_error{folder.string() +
+                             ": a folder without Barcodes.dat and Robot1_Odometry.dat is no MRCLAM "
+                             "data set; name that folder, or g2o or .pyfg files"};
   texts.barcodes = slurp(folder / "Barcodes.dat");
   texts.landmarks = slurp_if_there(folder / "Landmark_Groundtruth.dat");
   for (int r = 1; r <= kMostRobots; ++r) {
@@ -42,7 +46,7 @@ MrclamTexts read_folder(const fs::path& folder) {
 
 void read_graph(const std::string& path, int file, GraphFile& graph) {
   if (fs::is_directory(path)) {
-    read_mrclam(read_folder(path), graph);
+    read_mrclam(read_folder(path), file, graph);
   } else if (fs::path{path}.extension() == ".pyfg") {
     read_pyfg(slurp(path), file, graph);
   } else {

@@ -19,6 +19,7 @@
 #include "tools/solve/node_table.hpp"
 #include "tools/solve/order.hpp"
 #include "tools/solve/outcome.hpp"
+#include "tools/solve/roomy_arena.hpp"
 
 namespace maplet::graphs {
 namespace {
@@ -50,8 +51,9 @@ class Run {
     Order order = in_time_order(file);
     order_ = std::move(order.items);
     outcome_.bad_edges = order.bad_edges;
+    outcome_.named_bad_edges = std::move(order.named);
     for (const Vertex& v : file.vertices) start_.try_emplace(v.id, v.pose);
-    arena_.emplace(std::uint64_t{1} << 34);
+    arena_ = roomy_arena(std::uint64_t{1} << 34);
     SolvePolicy policy;
     // Nodes are taken out as they stand: what waits would be frozen before it has had its say.
     if (options.max_nodes > 0) policy.defer_share = kShareWhenFull;
@@ -226,6 +228,7 @@ class Run {
         (void)table_->expect(id);
       add(item.edge);
     }
+    taken_ = order_.size();
     for (const auto& [id, pose] : start_)  // the file's own start, where it has one
       if (table_->has(id))
         solver_->graph().node(table_->find(id)->node).pose = to_pose(pose, Space{});
@@ -246,6 +249,7 @@ class Run {
       for (; i < order_.size() && order_[i].newest == newest; ++i)
         for (const auto id : {file_.edges[order_[i].edge].a, file_.edges[order_[i].edge].b})
           coming += table_->expect(id) ? 1 : 0;
+      taken_ = i;
       timed([&] {
         const Deadline end = deadline();
         table_->make_room(
@@ -300,15 +304,23 @@ class Run {
     trace.factors = solver_->graph().factor_count();
     trace.affected = static_cast<int>(solver_->elimination().affected().size());
     outcome_.steps.push_back(trace);
+    if (!options_.progress) return;
+    if (taken_ < order_.size()) {
+      options_.progress("edges", taken_, order_.size());
+    } else {
+      options_.progress("settling, steps", ++settling_, std::nullopt);
+    }
   }
 
   const GraphFile& file_;
   const SolveOptions& options_;
   ThreadCpuClock cpu_;
   std::vector<Item> order_;
+  std::size_t taken_ = 0;  ///< of order_
+  std::uint64_t settling_ = 0;
   std::unordered_map<std::uint64_t, Se3> start_;
   std::vector<int> edge_of_;
-  std::optional<Arena> arena_;
+  std::unique_ptr<Arena> arena_;
   std::optional<PoseGraph<Space>> solver_;
   std::optional<NodeTable<Space>> table_;
   std::optional<FrameFinder<Space>> finder_;

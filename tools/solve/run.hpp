@@ -2,11 +2,13 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "tools/solve/graph_file.hpp"
+#include "tools/solve/order.hpp"
 #include "tools/solve/score.hpp"
 
 namespace maplet::graphs {
@@ -17,6 +19,9 @@ struct SolveOptions {
   std::optional<double> budget_us;  ///< thread CPU time of a step
   int idle_steps = 0;
   int max_nodes = 0;  ///< 0: from the file
+  /// Called after each step: edges taken in, of how many; then steps, of nobody knows how many.
+  std::function<void(const char* what, std::uint64_t done, std::optional<std::uint64_t> total)>
+      progress;
 };
 
 /// What one step cost.
@@ -40,9 +45,10 @@ struct SolveOutcome {
   std::uint64_t accepted = 0;
   std::vector<Edge> rejected;
   std::uint64_t bad_edges = 0;
-  std::uint64_t lost_edges = 0;       ///< to poses that were taken out and forgotten
-  std::uint64_t contracted = 0;       ///< poses taken out for want of room
-  std::uint64_t dropped_factors = 0;  ///< for want of room
+  std::vector<BadEdge> named_bad_edges;  ///< the first of them
+  std::uint64_t lost_edges = 0;          ///< to poses that were taken out and forgotten
+  std::uint64_t contracted = 0;          ///< poses taken out for want of room
+  std::uint64_t dropped_factors = 0;     ///< for want of room
   std::uint64_t damped_pivots = 0;
   std::uint64_t overflows = 0;
   int groups = 0;

@@ -66,8 +66,8 @@ class Words {
 /// A pose as text has it: x y theta, or x y z qx qy qz qw. @return what is wrong, or nullptr
 const char* read_pose(Words& words, bool planar, Se3& pose);
 
-/// Remembers a line that was not taken.
-void complain(GraphFile& graph, int file, int line, const char* what);
+/// Remembers a line that was not taken. @param part  of a folder: the file in it
+void complain(GraphFile& graph, int file, int line, const char* what, const std::string& part = {});
 
 /// Reads a text line by line. @param read_line  of (line, graph, edge): what is wrong, or nullptr
 template <class ReadLine>

@@ -88,7 +88,7 @@ MrclamTexts two_robots() {
 
 TEST(Mrclam, OdometryIsMergedToSecondsAndSightsMovedToThem) {
   GraphFile graph;
-  read_mrclam(two_robots(), graph);
+  read_mrclam(two_robots(), 0, graph);
   EXPECT_EQ(graph.bad_lines, 1u) << "barcode 77 is nobody's";
   int odometry = 0;
   const Edge* landmark = nullptr;
@@ -114,12 +114,12 @@ TEST(Mrclam, OdometryIsMergedToSecondsAndSightsMovedToThem) {
 
 TEST(Mrclam, AnEmptyOrBrokenFolderIsNoGraph) {
   GraphFile graph;
-  read_mrclam({}, graph);
+  read_mrclam({}, 0, graph);
   EXPECT_TRUE(graph.edges.empty());
   MrclamTexts texts = two_robots();
   texts.robots[0].odometry = "nonsense\n1 2\nnan nan nan\n";
   GraphFile broken;
-  read_mrclam(texts, broken);
+  read_mrclam(texts, 0, broken);
   EXPECT_EQ(broken.bad_lines, 3u);
 }
 
