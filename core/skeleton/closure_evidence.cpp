@@ -18,9 +18,9 @@ constexpr double kBlunt = 1e-2;
 /// Evidence that is enough, in decades against chance.
 constexpr double kEvidence = 5.0;
 /// Errors may be this much larger than those of the others, and no smaller share of what their
-/// covariances say is believed.
-constexpr double kMargin = 2.0;
-constexpr double kLeastScale = 0.2;
+/// covariances say is believed: the worst of a hundred are far from Gaussian.
+constexpr double kMargin = 2.5;
+constexpr double kLeastScale = 0.08;
 /// Waiting closures that a new one is compared with.
 constexpr int kCompared = 8;
 
@@ -31,10 +31,26 @@ constexpr int kCompared = 8;
 template <class Space>
 double ClosureJudge<Space>::scale() const noexcept {
   if (!policy_.wants_support) return 1.0;
-  constexpr double kPrior = 30.0;  // measurements' worth of what the covariances say
+  constexpr double kPrior = 30.0;  // measurements' worth of what cycles say
   const double dof = static_cast<double>(Space::kDim) * accepted_;
-  const double scale = kMargin * (graph_.last_chi2() + kPrior) / (dof + kPrior);
+  const double scale = kMargin * (graph_.last_chi2() + kPrior * local_scale_) / (dof + kPrior);
   return std::clamp(scale, kLeastScale, 1.0);
+}
+
+// Cycles of two closures next to each other and the odometry between them are short and need no
+// map: the median of those that agree says how large errors really are before any map does.
+template <class Space>
+void ClosureJudge<Space>::note_cycle(double chi2) noexcept {
+  constexpr double kMedian = Space::kDim == 6 ? 5.348 : 2.366;  // of chi-square
+  constexpr double kPrior = 3.0;
+  const int bin = std::clamp(static_cast<int>(std::log2(chi2 / kMedian + 1e-9) + kZeroBin), 0,
+                             static_cast<int>(cycles_.size()) - 1);
+  ++cycles_[bin];
+  ++cycle_count_;
+  int median = 0;
+  for (int sum = cycles_[0]; 2 * sum < cycle_count_; sum += cycles_[median]) ++median;
+  const double typical = std::min(1.0, std::exp2(median + 0.5 - kZeroBin));
+  local_scale_ = (cycle_count_ * typical + kPrior) / (cycle_count_ + kPrior);
 }
 
 // The share of all relative poses in the map that the gate would let pass.
@@ -76,7 +92,7 @@ bool ClosureJudge<Space>::corroborated(int factor, const Innovation &own) noexce
     const Block gain = cross.transpose() * own_inverse;
     const Block left = theirs.covariance - gain * cross;
     const Tangent e = theirs.e - gain * own.e;
-    if (e.dot(left.inverse() * e) > gate_ * scale() || chance(left) > kSharp) continue;
+    if (e.dot(left.inverse() * e) > gate_ * scale() || chance(left) > sharp()) continue;
     accept(other);
     return true;
   }
@@ -109,8 +125,12 @@ bool ClosureJudge<Space>::borne_out(int factor) noexcept {
           chains_->between(f.a, a).then(theirs).then(chains_->between(b, f.b));
       const Tangent e = Space::error(own.T, around.T);
       const Block covariance = own.covariance + around.covariance;
-      const double by_chance = chance(covariance);
-      if (!(by_chance < kBlunt) || !(e.dot(covariance.inverse() * e) < gate_ * scale())) return;
+      const double by_chance = usual_ * chance(covariance);
+      if (by_chance < kBlunt)
+        shuffle(factor, covariance, chains_->between(f.a, a).T, chains_->between(b, f.b).T);
+      const double chi2 = e.dot(covariance.inverse() * e);
+      if (fresh_ && chi2 < kGate) note_cycle(chi2);
+      if (!(by_chance < kBlunt) || !(chi2 < gate_ * scale())) return;
       evidence -= std::log10(by_chance);
       if (!full(agreeing_)) agreeing_.push_back(other);
     });
@@ -118,6 +138,25 @@ bool ClosureJudge<Space>::borne_out(int factor) noexcept {
   for (int k = 0; k < static_cast<int>(agreeing_.size()); ++k)  // so many ways to choose them
     evidence -= std::log10(static_cast<double>(compared - k) / (k + 1));
   return evidence > kEvidence;
+}
+
+// How often closures next to each other agree that have nothing to do with each other: this one
+// with another one's transform in its neighbour's place. Places that look alike stand on grids and
+// their transforms are short; chance is kinder to those than to poses drawn from all of the map.
+template <class Space>
+void ClosureJudge<Space>::shuffle(int factor, const Block &covariance, const Pose &before,
+                                  const Pose &after) noexcept {
+  constexpr double kPrior = 0.01;
+  draws_ = draws_ * 6364136223846793005ULL + 1442695040888963407ULL;
+  const auto k =
+      static_cast<std::size_t>((draws_ >> 33) % static_cast<std::uint64_t>(closure_count_));
+  const auto &z = graph_.graph().factor(closures_[k]).z;
+  if (closures_[k] == factor) return;
+  const Tangent e = Space::error(graph_.graph().factor(factor).z,
+                                 Space::compose(Space::compose(before, z), after));
+  expected_ += chance(covariance);
+  if (e.dot(covariance.inverse() * e) < gate_ * scale()) seen_ += 1.0;
+  usual_ = std::max(1.0, (seen_ + kPrior) / (expected_ + kPrior));
 }
 
 // chi2 of the cycle that two closures between the same two groups make (eq.
@@ -182,10 +221,14 @@ void ClosureJudge<Space>::join_if_paired(int factor) noexcept {
 #define MAPLET_INSTANTIATE(Space)                                                                 \
   template double ClosureJudge<Space>::scale() const noexcept;                                    \
   template double ClosureJudge<Space>::chance(const ClosureJudge<Space>::Block &) const noexcept; \
+  template void ClosureJudge<Space>::note_cycle(double) noexcept;                                 \
   template bool ClosureJudge<Space>::same_places(int, int) const noexcept;                        \
   template bool ClosureJudge<Space>::corroborated(                                                \
       int, const ClosureJudge<Space>::Innovation &) noexcept;                                     \
   template bool ClosureJudge<Space>::borne_out(int) noexcept;                                     \
+  template void ClosureJudge<Space>::shuffle(int, const ClosureJudge<Space>::Block &,             \
+                                             const ClosureJudge<Space>::Pose &,                   \
+                                             const ClosureJudge<Space>::Pose &) noexcept;         \
   template double ClosureJudge<Space>::cycle(int, int) noexcept;                                  \
   template void ClosureJudge<Space>::join_if_paired(int) noexcept;
 MAPLET_INSTANTIATE(PlanarSpace)

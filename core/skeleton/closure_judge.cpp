@@ -4,6 +4,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "core/skeleton/linearise.hpp"
 
@@ -11,8 +12,6 @@ namespace maplet {
 
 namespace {
 
-/// The last ones, that nothing speaks for or against, are believed when it is below this.
-constexpr double kLast = 1e-3;
 double translation_extent(const Se2 &a, const Se2 &b) noexcept {
   return std::hypot(a.x - b.x, a.y - b.y);
 }
@@ -46,7 +45,8 @@ bool ClosureJudge<Space>::measure(int factor, int slot, Innovation &out) noexcep
 
 template <class Space>
 void ClosureJudge<Space>::consider(int factor, bool compare) noexcept {
-  if (state_[factor] == ClosureState::kNone) closures_[closure_count_++] = factor;
+  fresh_ = state_[factor] == ClosureState::kNone;
+  if (fresh_) closures_[closure_count_++] = factor;
   note_set_aside();
   turn(factor, ClosureState::kWaiting);
   doubt_ = 1.0;
@@ -57,6 +57,7 @@ void ClosureJudge<Space>::consider(int factor, bool compare) noexcept {
   if (policy_.wants_support && compare && borne_out(factor)) {
     accept(factor);
     const auto others = agreeing_;
+    fresh_ = false;
     for (const int other : others)
       if ((state_[other] == ClosureState::kWaiting || state_[other] == ClosureState::kRejected) &&
           borne_out(other))
@@ -67,7 +68,7 @@ void ClosureJudge<Space>::consider(int factor, bool compare) noexcept {
   if (!measure(factor, 1, own)) return;
   if (own.e.dot(own.covariance.inverse() * own.e) > gate_ * scale()) return reject(factor);
   doubt_ = chance(own.covariance);
-  if (!policy_.wants_support || doubt_ < kSharp || (compare && corroborated(factor, own)))
+  if (!policy_.wants_support || doubt_ < sharp() || (compare && corroborated(factor, own)))
     accept(factor);
 }
 
@@ -116,7 +117,9 @@ bool ClosureJudge<Space>::review() noexcept {
   bool changed = false;
   int worst = -1;
   int likeliest = -1;  // of those that nothing speaks for or against
-  double least = kLast;
+  // Where nothing at all is wrong there is no reason for doubt.
+  double least =
+      rejected_ == 0 ? std::numeric_limits<double>::infinity() : kByChance / (1.0 + rejected_);
   const double gate = gate_ * scale();
   double most = gate;
   for (int k = 0; k < closure_count_; ++k) {
@@ -139,7 +142,8 @@ bool ClosureJudge<Space>::review() noexcept {
       const ClosureState before = state_[factor];
       consider(factor);
       changed = changed || (before != state_[factor] && state_[factor] == ClosureState::kAccepted);
-      if (state_[factor] == ClosureState::kWaiting && doubt_ < least) {
+      if (state_[factor] == ClosureState::kWaiting && doubt_ < least &&
+          graph_.group(f.a) == graph_.group(f.b)) {
         least = doubt_;
         likeliest = factor;
       }
@@ -149,16 +153,53 @@ bool ClosureJudge<Space>::review() noexcept {
     reject(worst);
     changed = true;
   } else if (likeliest >= 0 && !changed) {
-    accept(likeliest);
+    if (rejected_ > 0) {
+      accept(likeliest);
+    } else {
+      for (const int factor : closures()) {
+        const Factor<Space> &f = graph_.graph().factor(factor);
+        if (state_[factor] == ClosureState::kWaiting && graph_.group(f.a) == graph_.group(f.b))
+          accept(factor);
+      }
+    }
     changed = true;
   }
   return changed;
 }
 
 template <class Space>
+bool ClosureJudge<Space>::drop_misfits() noexcept {
+  const double gate = gate_ * scale();
+  bool dropped = false;
+  for (const int factor : closures()) {
+    if (state_[factor] != ClosureState::kAccepted) continue;
+    const Factor<Space> &f = graph_.graph().factor(factor);
+    const Tangent e = Space::error(f.z, relative_pose(graph_.graph(), f));
+    if (e.dot(weigh(f, e)) <= gate) continue;
+    reject(factor);
+    dropped = true;
+  }
+  return dropped;
+}
+
+template <class Space>
+bool ClosureJudge<Space>::alone_between(int factor) const noexcept {
+  const auto groups = [&](int k) {
+    const Factor<Space> &f = graph_.graph().factor(k);
+    return std::minmax({graph_.group(f.a), graph_.group(f.b)});
+  };
+  const auto own = groups(factor);
+  return own.first != own.second && std::ranges::none_of(closures(), [&](int other) {
+           return other != factor && groups(other) == own;
+         });
+}
+
+template <class Space>
 void ClosureJudge<Space>::turn(int factor, ClosureState to) noexcept {
   accepted_ +=
       (to == ClosureState::kAccepted ? 1 : 0) - (state_[factor] == ClosureState::kAccepted ? 1 : 0);
+  rejected_ +=
+      (to == ClosureState::kRejected ? 1 : 0) - (state_[factor] == ClosureState::kRejected ? 1 : 0);
   state_[factor] = to;
 }
 

@@ -1,6 +1,8 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
+#include <array>
 #include <cstdint>
 #include <span>
 
@@ -49,6 +51,7 @@ class ClosureJudge {
  public:
   using Tangent = typename Space::Tangent;
   using Block = typename Space::Block;
+  using Pose = typename Space::Pose;
 
   /// @param chains  the agents' odometry, or nullptr: closures next to each other then bear each
   ///   other out by the graph alone
@@ -64,6 +67,19 @@ class ClosureJudge {
   /// The whole set once more, at a settled estimate. @return whether a verdict
   /// changed
   bool review() noexcept;
+  /// Takes out all that fail where the estimate stands, and nothing in. @return whether any did
+  bool drop_misfits() noexcept;
+  /// Takes a closure in that is all there is between two groups and that may() be: nothing can bear
+  /// it out, and it bends nothing. @return whether there was one
+  template <class May>
+  bool accept_lone(May &&may) noexcept {
+    for (const int factor : closures())
+      if (state_[factor] == ClosureState::kWaiting && may(factor) && alone_between(factor)) {
+        accept(factor);
+        return true;
+      }
+    return false;
+  }
   void force(int factor, bool accept) noexcept;
   /// Out until the next look, whatever its test says.
   void bar(int factor) noexcept {
@@ -91,6 +107,8 @@ class ClosureJudge {
   static constexpr double kGate = Space::kDim == 6 ? 16.812 : 11.345;
   /// A test is sharp when a closure between two random places passes it more seldom than this.
   static constexpr double kSharp = 1e-4;
+  /// So many of those that are out may pass by chance, of all of them together.
+  static constexpr double kByChance = 0.02;
 
   struct Innovation {
     Tangent e;
@@ -103,9 +121,15 @@ class ClosureJudge {
   void turn(int factor, ClosureState to) noexcept;
   [[nodiscard]] bool corroborated(int factor, const Innovation &own) noexcept;
   [[nodiscard]] bool borne_out(int factor) noexcept;
+  void shuffle(int factor, const Block &covariance, const Pose &before, const Pose &after) noexcept;
+  [[nodiscard]] double sharp() const noexcept {
+    return std::min(kSharp, kByChance / (1.0 + rejected_));
+  }
+  void note_cycle(double chi2) noexcept;
   [[nodiscard]] bool same_places(int factor, int other) const noexcept;
   [[nodiscard]] double cycle(int factor, int other) noexcept;
   void join_if_paired(int factor) noexcept;
+  [[nodiscard]] bool alone_between(int factor) const noexcept;
   [[nodiscard]] double without_it(int factor) noexcept;
   void accept(int factor) noexcept;
   void reject(int factor) noexcept;
@@ -121,6 +145,16 @@ class ClosureJudge {
   std::span<int> closures_;  ///< in order of arrival
   int closure_count_ = 0;
   int accepted_ = 0;
+  int rejected_ = 0;
+  static constexpr int kZeroBin = 20;
+  std::array<int, 24> cycles_{};  ///< by the logarithm of how large they are for their covariance
+  int cycle_count_ = 0;
+  double local_scale_ = 1.0;
+  bool fresh_ = false;  ///< the closure under consideration is looked at for the first time
+  std::uint64_t draws_ = 1;
+  double expected_ = 0.0;        ///< agreements of shuffled closures, by chance()
+  double seen_ = 0.0;            ///< those that there were
+  double usual_ = 1.0;           ///< seen to expected
   std::uint64_t set_aside_ = 0;  ///< factors that the graph had no room for, as last looked at
   double doubt_ = 1.0;           ///< chance() of the closure considered last
   int cursor_ = 0;

@@ -83,6 +83,11 @@ TEST(BadInput, WhatIsWrongWithTheCommandIsSaidPlainly) {
       {{"mapletctl", "bogus"}, "there is no command 'bogus'"},
       {{"mapletctl", "closure", "bogus"}, "there is no command 'bogus'"},
       {{"mapletctl", "solve", "x.g2o", "--budget-us", "-3"}, "-3 is not a number above 0"},
+      {{"mapletctl", "solve", "x.g2o", "--budget-us", "inf"}, "inf is not a number above 0"},
+      {{"mapletctl", "solve", "x.g2o", "--max-nodes", "1e3"},
+       "1e3 is not a whole number from 0 to 2147483647"},
+      {{"mapletctl", "solve", "x.g2o", "--max-nodes", "3"}, "16 at least"},
+      {{"mapletctl", "solve", "x.g2o", "--out", "./x.g2o"}, "that is an input"},
       {{"mapletctl", "eval", "--truth", garbage, "--estimate", garbage},
        "garbage:1: '?[31m\?\?\?' is no time in seconds"}};
   for (const auto& [command, said] : cases) {

@@ -61,7 +61,13 @@ class Closures {
     judge_.look_again(kLooksPerStep);
   }
   /// At a settled estimate. @return whether a verdict changed
-  [[nodiscard]] bool review() { return judge_.review(); }
+  [[nodiscard]] bool review() {
+    return judge_.review() || judge_.accept_lone([&](int f) {
+      return std::find(between_.begin(), between_.end(), f) == between_.end();
+    });
+  }
+  /// No more reviews: what does not fit goes, and nothing comes. @return whether a verdict changed
+  [[nodiscard]] bool drop_misfits() { return judge_.drop_misfits(); }
   /// Closures between two agents stand or fall as sets that agree by odometry alone.
   /// @return whether there are any
   bool choose_sets() {

@@ -36,10 +36,16 @@ class ThreadCpuClock final : public Clock {
 
 template <class Space>
 class Run {
-  static constexpr int kPatience = 1000;  ///< idle updates
+  static constexpr int kPatience = 1000;      ///< idle updates
+  static constexpr int kLeastPatience = 100;  ///< of all reviews together, and one more for
+  static constexpr int kEdgesPerUpdate = 10;  ///< so many edges
+  static constexpr int kMostIterations = 30;  ///< where patience has ended
+  static constexpr int kLastRounds = 3;
   static constexpr int kMostReviews = 30;
   static constexpr int kMostSearches = 10'000;
   static constexpr std::size_t kStepsPerDecision = 20;
+  static constexpr int kMostRounds = 40;  ///< of a second start; with closures to be judged fewer
+  static constexpr int kFewRounds = 6;
   static constexpr int kLooks = 50;  ///< updates between looks at a second start
   static constexpr std::int64_t kWorkInTime = 240'000;
   static constexpr double kShareWhenFull = 0.05;
@@ -160,9 +166,10 @@ class Run {
 
   /// A valley that wrong closures made may have no way down by small steps: then all at once.
   void settle() {
-    for (int k = 0; k < kPatience && !solver_->settled(); ++k)
+    for (; patience_ > 0 && !solver_->settled(); --patience_)
       timed([&] { return solver_->update(Deadline::never()); });
-    if (!solver_->settled()) timed([&] { return solver_->optimise(Deadline::never()); });
+    if (!solver_->settled())
+      timed([&] { return solver_->optimise(Deadline::never(), kMostIterations); });
   }
 
   /// Where the fit does not say that this is the best valley: once more from the measurements
@@ -180,7 +187,10 @@ class Run {
         return SolveReport{};
       });
     double last = stop == Stop::kConverged ? solver_->chi2() : before;
-    for (bool promising = stop == Stop::kConverged; promising && !solver_->settled();) {
+    const int most = closures_ ? kFewRounds : kMostRounds;
+    int rounds = 0;
+    for (bool promising = stop == Stop::kConverged;
+         promising && !solver_->settled() && rounds < most; ++rounds) {
       for (int k = 0; k < kLooks && !solver_->settled(); ++k)
         timed([&] { return solver_->update(Deadline::never()); });
       const double now = solver_->last_chi2();
@@ -201,8 +211,9 @@ class Run {
       return solver_->update(Deadline::never());
     });
     settle_now();
+    patience_ = kLeastPatience + static_cast<int>(order_.size() / kEdgesPerUpdate);
     bool changed = true;
-    for (int round = 0; round < kMostReviews && changed; ++round) {
+    for (int round = 0; round < kMostReviews && changed && patience_ > 0; ++round) {
       timed([&] {
         changed = closures_->review();
         return solver_->update(Deadline::never());
@@ -210,6 +221,8 @@ class Run {
       if (changed) settle_now();
     }
     settle_now();  // others may have been taken in beside the one that was asked about
+    for (int round = 0; round < kLastRounds && changed && closures_->drop_misfits(); ++round)
+      settle_now();
     if (!closures_->choose_sets()) return;
     timed([&] { return solver_->update(Deadline::never()); });
     settle_now();
@@ -274,6 +287,7 @@ class Run {
     const bool to_the_end = !options_.budget_us && options_.idle_steps == 0;
     const int idle = to_the_end ? 0 : options_.idle_steps;
     if (to_the_end) settle();
+    patience_ = kPatience;
     for (int k = 0; k < idle; ++k) timed([&] { return solver_->update(deadline()); });
     if (!to_the_end) return;
     second_start();
@@ -318,6 +332,7 @@ class Run {
   std::vector<Item> order_;
   std::size_t taken_ = 0;  ///< of order_
   std::uint64_t settling_ = 0;
+  int patience_ = kPatience;  ///< updates left
   std::unordered_map<std::uint64_t, Se3> start_;
   std::vector<int> edge_of_;
   std::unique_ptr<Arena> arena_;

@@ -41,6 +41,31 @@ TEST(SolveBadInput, InformationThatIsNoneIsCountedAndLeftOut) {
   EXPECT_EQ(out.accepted, 2u);
 }
 
+TEST(SolveBadInput, WhatIsLeftOutIsNamed) {
+  GraphFile graph;
+  graph.planar = true;
+  graph.edges = {planar_edge(0, 1, 1.0, 0.0, 0.0), planar_edge(1, 2, 1e300, 0.0, 0.0),
+                 planar_edge(1, 2, 1.0, 0.0, 0.0, 1e160), planar_edge(2, 2, 1.0, 0.0, 0.0)};
+  const SolveOutcome out = solve(graph, {});
+  EXPECT_EQ(out.accepted, 1u);
+  ASSERT_EQ(out.named_bad_edges.size(), 3u);
+  EXPECT_EQ(out.named_bad_edges[0].edge, 1);
+  EXPECT_STREQ(out.named_bad_edges[0].why, "it is longer than 1e15 m");
+  EXPECT_STREQ(out.named_bad_edges[1].why, "its information is beyond 1e24");
+  EXPECT_STREQ(out.named_bad_edges[2].why, "it leads from a pose to itself");
+  EXPECT_EQ(out.damped_pivots, 0u);
+}
+
+TEST(SolveBadInput, AVertexWithoutEdgesStaysWhereItIs) {
+  GraphFile graph;
+  graph.planar = true;
+  graph.vertices.push_back({7, {Eigen::Quaterniond::Identity(), {3.0, 4.0, 0.0}}});
+  const SolveOutcome out = solve(graph, {});
+  ASSERT_EQ(out.solution.vertices.size(), 1u);
+  EXPECT_EQ(out.solution.vertices[0].pose.t.x(), 3.0);
+  EXPECT_EQ(out.groups, 1);
+}
+
 TEST(SolveBadInput, AGraphOfNothingHasNoLength) {
   GraphFile graph;
   graph.planar = true;

@@ -90,6 +90,8 @@ TEST(Mrclam, OdometryIsMergedToSecondsAndSightsMovedToThem) {
   GraphFile graph;
   read_mrclam(two_robots(), 0, graph);
   EXPECT_EQ(graph.bad_lines, 1u) << "barcode 77 is nobody's";
+  EXPECT_EQ(graph.complaints.at(0).part, "Robot1_Measurement.dat");
+  EXPECT_EQ(graph.complaints.at(0).line, 3);
   int odometry = 0;
   const Edge* landmark = nullptr;
   const Edge* robot = nullptr;
@@ -110,6 +112,17 @@ TEST(Mrclam, OdometryIsMergedToSecondsAndSightsMovedToThem) {
   ASSERT_NE(robot, nullptr);
   EXPECT_NEAR(robot->range_m, 3.0, 1e-9);
   EXPECT_NEAR(graph.truth.at(symbol('A', 2)).t.x(), 7.0, 0.11);
+}
+
+TEST(G2o, TheSameFaultIsNamedThreeTimesAndCounted) {
+  GraphFile graph;
+  std::string text;
+  for (int k = 0; k < 50; ++k) text += "EDGE_SE2 1 2 x\n";
+  read_g2o(text, 0, graph);
+  EXPECT_EQ(graph.bad_lines, 50u);
+  ASSERT_EQ(graph.complaints.size(), 3u);
+  EXPECT_EQ(graph.complaints[2].line, 3);
+  EXPECT_EQ(graph.complaints[2].more, 47u);
 }
 
 TEST(Mrclam, AnEmptyOrBrokenFolderIsNoGraph) {

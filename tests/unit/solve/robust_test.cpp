@@ -67,6 +67,40 @@ TEST_P(SolveRobust, ASecondEdgeToTheNextPoseIsAClosure) {
   EXPECT_EQ(out.rejected.front().line, 1);
 }
 
+TEST_P(SolveRobust, ClosuresOfASmallMapThatNothingSpeaksAgainstAreKept) {
+  GraphFile graph;
+  graph.planar = true;
+  graph.edges = {planar_edge(0, 1, 1.0, 0.0, 0.0),  planar_edge(1, 2, 0.0, 1.0, 0.0),
+                 planar_edge(2, 3, -1.0, 0.0, 0.0), planar_edge(0, 3, 0.0, 1.0, 0.0),
+                 planar_edge(0, 2, 1.0, 1.0, 0.0),  planar_edge(3, 9, 1.0, 1.0, 0.0)};
+  SolveOptions options;
+  options.robust = true;
+  options.batch = GetParam();
+  const SolveOutcome out = solve(graph, options);
+  EXPECT_TRUE(out.rejected.empty());
+  EXPECT_EQ(out.groups, 1) << "a pose's only link bends nothing";
+}
+
+TEST_P(SolveRobust, FalseClosuresThatBearEachOtherOutEndInTime) {
+  GraphFile graph = city(800, 8, 0.03, 5);
+  std::mt19937 random{3};
+  for (int group = 0; group < 40; ++group) {
+    const std::uint64_t a = random() % 390;
+    const std::uint64_t b = 400 + random() % 390;
+    for (std::uint64_t k = 0; k < 5; ++k) {
+      Edge e = planar_edge(a + k, b + k, 5.0, 3.0, 0.3);
+      e.z = e.z * graph.truth[b].inverse() * graph.truth[b + k];
+      e.z = graph.truth[a + k].inverse() * graph.truth[a] * e.z;
+      e.line = 1;
+      graph.edges.push_back(e);
+    }
+  }
+  SolveOptions options;
+  options.robust = true;
+  options.batch = GetParam();
+  EXPECT_LT(solve(graph, options).total_ms, 20'000.0);
+}
+
 INSTANTIATE_TEST_SUITE_P(Both, SolveRobust, testing::Bool(),
                          [](const auto& kind) { return kind.param ? "Batch" : "Incremental"; });
 
