@@ -21,6 +21,8 @@ constexpr double kEvidence = 5.0;
 /// covariances say is believed: the worst of a hundred are far from Gaussian.
 constexpr double kMargin = 2.5;
 constexpr double kLeastScale = 0.08;
+constexpr double kMostScale =
+    1.4;  // chi-square, 99.9 %: covariances that are right lose hardly any
 /// Waiting closures that a new one is compared with.
 constexpr int kCompared = 8;
 
@@ -34,7 +36,7 @@ double ClosureJudge<Space>::scale() const noexcept {
   constexpr double kPrior = 30.0;  // measurements' worth of what cycles say
   const double dof = static_cast<double>(Space::kDim) * accepted_;
   const double scale = kMargin * (graph_.last_chi2() + kPrior * local_scale_) / (dof + kPrior);
-  return std::clamp(scale, kLeastScale, 1.0);
+  return std::clamp(scale, kLeastScale, kMostScale);
 }
 
 // Cycles of two closures next to each other and the odometry between them are short and need no
