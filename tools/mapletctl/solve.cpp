@@ -66,8 +66,8 @@ void refuse_overwriting(const Options& options) {
   const auto same = [](const std::string& a, const std::string& b) {
     std::error_code none;
     if (a.empty() || b.empty() || fs::is_character_file(a, none)) return false;
-    return fs::equivalent(a, b, none) ||
-           fs::weakly_canonical(a, none) == fs::weakly_canonical(b, none);
+    return fs::equivalent(a, b, none) || fs::weakly_canonical(fs::absolute(a, none), none) ==
+                                             fs::weakly_canonical(fs::absolute(b, none), none);
   };
   for (const auto& [name, path] : {std::pair{"--out", options.out}, {"--trace", options.trace}})
     for (const std::string& input : options.inputs)
