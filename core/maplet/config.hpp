@@ -20,7 +20,7 @@ struct MapletConfig {
   double gate_distance_m = 0.03;
   double gate_angle_rad = 0.2;
   double fit_m = 0.015;
-  double max_free_share = 0.15;
+  double max_free_share = 0.2;
   double floor_m = 0.001;
   double floor_rad = 0.001;
   double uneven_m = 0.004;
