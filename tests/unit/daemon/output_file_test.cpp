@@ -4,15 +4,17 @@
 #include <gtest/gtest.h>
 
 #include <cerrno>
-#include <filesystem>
 #include <fstream>
 #include <string>
+
+#include "tests/support/temp_dir.hpp"
 
 namespace maplet::daemon {
 namespace {
 
 TEST(OutputFile, WritesMoreThanItsBufferHolds) {
-  const auto path = std::filesystem::temp_directory_path() / "maplet_output_file_test";
+  const test::TempDir dir;
+  const auto path = dir / "output";
   auto file = std::make_unique<OutputFile>();
   ASSERT_TRUE(file->open(path.c_str()));
   std::string expected;
@@ -24,7 +26,6 @@ TEST(OutputFile, WritesMoreThanItsBufferHolds) {
   ASSERT_TRUE(file->close());
   std::ifstream in{path};
   EXPECT_EQ((std::string{std::istreambuf_iterator<char>{in}, {}}), expected);
-  std::filesystem::remove(path);
 }
 
 TEST(OutputFile, KeepsTheFirstError) {

@@ -10,6 +10,7 @@
 #include <string>
 
 #include "tests/support/synthetic_run.hpp"
+#include "tests/support/temp_dir.hpp"
 #include "tools/draw/palette.hpp"
 #include "tools/files/maplet_file.hpp"
 
@@ -47,17 +48,14 @@ std::string read_text(const fs::path& file) {
 class Sheet : public ::testing::Test {
  protected:
   void SetUp() override {
-    const auto* info = ::testing::UnitTest::GetInstance()->current_test_info();
-    folder_ = fs::temp_directory_path() / ("maplet_sheet_" + std::string{info->name()});
-    fs::remove_all(folder_);
     test::write_synthetic_run(folder_, {.frames = 120, .maplets = 8, .tilt_rad = 0.3});
     run_ = files::read_run(folder_);
   }
-  void TearDown() override { fs::remove_all(folder_); }
 
   Plan plan() const { return make_plan(std::span{&run_, 1}, {}); }
 
-  fs::path folder_;
+  test::TempDir dir_;
+  const fs::path folder_ = dir_ / "run";
   files::Run run_;
 };
 

@@ -6,6 +6,7 @@
 #include <cstring>
 #include <string>
 
+#include "tests/support/temp_dir.hpp"
 #include "tools/files/maplet_file.hpp"
 
 namespace maplet::files {
@@ -22,11 +23,11 @@ TEST(PlyMesh, WritesWhatItsHeaderSays) {
   PlyMesh mesh;
   mesh.add(square(), {10, 20, 30});
   mesh.add(square(), {1, 2, 3});
-  const auto file = std::filesystem::temp_directory_path() / "maplet_ply_test.ply";
+  const test::TempDir dir;
+  const auto file = dir / "mesh.ply";
   mesh.write(file);
   const auto bytes = read_bytes(file);
   const std::string text{reinterpret_cast<const char*>(bytes.data()), bytes.size()};
-  std::filesystem::remove(file);
 
   const auto body = text.find("end_header\n") + std::strlen("end_header\n");
   const std::string header = text.substr(0, body);

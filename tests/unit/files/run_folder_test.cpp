@@ -6,19 +6,14 @@
 #include <fstream>
 
 #include "tests/support/synthetic_run.hpp"
+#include "tests/support/temp_dir.hpp"
 
 namespace maplet::files {
 namespace {
 
 class RunFolder : public ::testing::Test {
  protected:
-  void SetUp() override {
-    const auto* info = ::testing::UnitTest::GetInstance()->current_test_info();
-    folder_ = std::filesystem::temp_directory_path() / ("maplet_run_" + std::string{info->name()});
-    std::filesystem::remove_all(folder_);
-    test::write_synthetic_run(folder_, {.frames = 60, .maplets = 5});
-  }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
+  void SetUp() override { test::write_synthetic_run(folder_, {.frames = 60, .maplets = 5}); }
 
   /// What read_run says about the folder.
   std::string complaint() const {
@@ -30,7 +25,8 @@ class RunFolder : public ::testing::Test {
     return "";
   }
 
-  std::filesystem::path folder_;
+  test::TempDir dir_;
+  const std::filesystem::path folder_ = dir_ / "run";
 };
 
 TEST_F(RunFolder, IsReadBack) {

@@ -3,9 +3,10 @@
 
 #include <gtest/gtest.h>
 
-#include <filesystem>
 #include <fstream>
 #include <stdexcept>
+
+#include "tests/support/temp_dir.hpp"
 
 namespace maplet::swarm {
 namespace {
@@ -23,7 +24,8 @@ SwarmConfig small() {
 }
 
 std::string written(const std::string& name, const std::string& text) {
-  const std::string path = (std::filesystem::temp_directory_path() / name).string();
+  static const test::TempDir dir;
+  const std::string path = (dir / name).string();
   std::ofstream{path} << text;
   return path;
 }
