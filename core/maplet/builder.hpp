@@ -48,9 +48,10 @@ struct MapletCut {
 /// boundary moves to where there is structure.
 ///
 /// Memory   arena: a PlaneMap, two maplets, maplet.overlap_keyframes + boundary_keyframes
-/// keyframes,
-///          the wire form
-/// Time     a keyframe's fusion per add; a cut adds the overlap's keyframes once more and the codec
+///          keyframes, a DepthThumb for each of maplet.max_keyframes, the wire form
+/// Time     a keyframe's fusion per add; a cut adds a look at all cells through all keyframes
+/// (which
+///          stops at the deadline), the overlap's keyframes once more and the codec
 /// Threads  one
 /// Math     docs/math/maplet.md (paper: Algorithm 1)
 class MapletBuilder {

@@ -208,6 +208,24 @@ TEST_F(MapletCommands, GuessesThatAreNoneAreUsageErrors) {
   EXPECT_EQ(far["verdict"], "reject");
 }
 
+// One damaged file costs its own maplet only, and is said.
+TEST_F(MapletCommands, MatchGoesOnWithoutADamagedFile) {
+  for (const char* name : {"x/maplets", "y/maplets"}) fs::create_directories(dir_.path() / name);
+  (void)write("x/maplets/0000.maplet", room(), T_world_a_);
+  (void)write("y/maplets/0000.maplet", room(), T_world_b_, 2);
+  const std::string damaged = write("y/maplets/0001.maplet", std::vector<std::byte>(50));
+  std::ofstream{dir_.path() / "y" / "skeleton.g2o"} << "VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1\n";
+  const std::vector<std::string> both{(dir_.path() / "x").string(), (dir_.path() / "y").string()};
+  const Finished done = run({"mapletctl", "match", both[0], both[1], "--json"});
+  EXPECT_EQ(done.exit_code, 1);
+  EXPECT_THAT(done.err, HasSubstr(damaged));
+  EXPECT_EQ(json::parse(done.out)["a"], "0000") << done.out;
+  for (const char* side : {"x", "y"}) {
+    (void)write(std::string{side} + "/maplets/0000.maplet", std::vector<std::byte>(50));
+  }
+  EXPECT_EQ(run({"mapletctl", "match", both[0], both[1]}).exit_code, 1);
+}
+
 TEST_F(MapletCommands, MatchWantsFoldersWithMaplets) {
   const fs::path empty = dir_.path() / "empty";
   fs::create_directories(empty);

@@ -136,4 +136,10 @@ Run read_run(const fs::path& folder) {
   return run;
 }
 
+std::map<std::uint32_t, Se3> read_nodes(const fs::path& folder) {
+  Run run;
+  read_skeleton(folder / "skeleton.g2o", run);
+  return std::move(run.nodes);
+}
+
 }  // namespace maplet::files

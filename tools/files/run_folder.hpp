@@ -55,4 +55,8 @@ struct Run {
 ///   trajectory, or a file of it is damaged
 [[nodiscard]] Run read_run(const std::filesystem::path& folder);
 
+/// Run::nodes alone, empty without a skeleton.g2o.
+/// @throws std::runtime_error  naming file and line, when it is damaged
+[[nodiscard]] std::map<std::uint32_t, Se3> read_nodes(const std::filesystem::path& folder);
+
 }  // namespace maplet::files

@@ -45,8 +45,7 @@ Side read_side(const std::string& folder, std::uint16_t agent) {
     throw Failure{fmt::format("{} holds no maplets: give a folder of mapletd --out", folder)};
   }
   std::sort(files.begin(), files.end());
-  std::map<std::uint32_t, Se3> nodes;
-  if (fs::exists(fs::path{folder} / "skeleton.g2o")) nodes = files::read_run(folder).nodes;
+  const std::map<std::uint32_t, Se3> nodes = files::read_nodes(folder);
   for (const fs::path& file : files) {
     try {
       side.maplets.push_back(files::read_maplet(file));
