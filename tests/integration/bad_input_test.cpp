@@ -13,6 +13,7 @@
 #include <thread>
 
 #include "drivers/replay/image_file.hpp"
+#include "tests/support/patience.hpp"
 #include "tests/support/recordings.hpp"
 #include "tests/support/run.hpp"
 #include "tests/support/temp_dir.hpp"
@@ -116,13 +117,13 @@ TEST(BadInput, NoCameraEndsAFiniteRunWithinTenSeconds) {
   const TempDir dir;
   const Finished none = map_it("openni2:", dir.path() / "out");
   EXPECT_EQ(none.exit_code, 1) << none.err;
-  EXPECT_LT(none.took, std::chrono::seconds{10});
+  EXPECT_LT(none.took, std::chrono::seconds{10} * patience());
   EXPECT_THAT(none.err, HasSubstr("OpenNI2"));
 }
 
 TEST(BadInput, NoCameraMakesTheServiceWaitAndSaySo) {
   Process service{{"mapletd", "--source", "openni2:", "--no-dds", "--set", "control.socket=none"}};
-  for (int i = 0; i < 100 && service.err().empty(); ++i) {
+  for (int i = 0; i < 100 * patience() && service.err().empty(); ++i) {
     std::this_thread::sleep_for(std::chrono::milliseconds{50});
   }
   EXPECT_THAT(service.err(), HasSubstr("waiting for a camera"));
@@ -138,7 +139,7 @@ TEST(BadInput, EmptyOniRecording) {
   const Finished empty = map_it("openni2:" + oni.string(), dir.path() / "out");
   EXPECT_EQ(empty.exit_code, 1) << empty.err;
   EXPECT_THAT(empty.err, HasSubstr("openni1_truncated_0frames.oni"));
-  EXPECT_LT(empty.took, std::chrono::seconds{10});
+  EXPECT_LT(empty.took, std::chrono::seconds{10} * patience());
 }
 
 TEST_F(BadRecording, TruncatedImageIsACountedSkip) {

@@ -14,6 +14,8 @@
 #include <stdexcept>
 #include <thread>
 
+#include "tests/support/patience.hpp"
+
 namespace maplet::test {
 
 namespace {
@@ -81,8 +83,7 @@ bool Process::running() {
 }
 
 Finished Process::wait(std::chrono::seconds limit) {
-  if (const char* patience = std::getenv("MAPLET_PATIENCE")) limit *= std::atoi(patience);
-  const auto end = std::chrono::steady_clock::now() + limit;
+  const auto end = std::chrono::steady_clock::now() + limit * patience();
   bool killed = false;
   while (running()) {
     if (std::chrono::steady_clock::now() > end) {

@@ -18,7 +18,7 @@ import read_pose  # noqa: E402  the example is the test's reader
 MAPLETD = str(Path(os.environ["MAPLET_BIN_DIR"]) / "mapletd")
 EMULATOR = os.environ.get("MAPLET_EMULATOR", "").split()  # of programs for another processor
 SOURCE = "sim:room?frames=60&width=160&gray=0&seed=4"
-PATIENCE_S = 120
+PATIENCE_S = 120 * int(os.environ.get("MAPLET_PATIENCE", "1"))
 
 
 def quaternion_product(a, b):

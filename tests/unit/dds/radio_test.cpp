@@ -10,6 +10,7 @@
 #include <thread>
 #include <vector>
 
+#include "tests/support/patience.hpp"
 #include "tests/unit/dds/own_domain.hpp"
 
 namespace maplet {
@@ -42,7 +43,7 @@ pid_t start_echo(const RadioConfig& config, int domain) {
     if (!radio) _exit(1);
     echo.radio = radio->get();
     const MonotonicClock clock;
-    for (const Instant end = clock.now() + seconds{20}; clock.now() < end;) {
+    for (const Instant end = clock.now() + seconds{20} * test::patience(); clock.now() < end;) {
       (*radio)->receive(milliseconds{100}, echo);
     }
   }
@@ -59,7 +60,7 @@ TEST_P(Radio, CarriesDatagramsOfEveryKindBothWays) {
   ASSERT_TRUE(radio) << radio.error().what;
   EXPECT_TRUE((*radio)->interface_holds());
   const MonotonicClock clock;
-  const Instant end = clock.now() + seconds{20};
+  const Instant end = clock.now() + seconds{20} * test::patience();
   std::set<std::size_t> heard_lanes;
   while (heard_lanes.size() < kTraffics && clock.now() < end) {
     Heard heard;
