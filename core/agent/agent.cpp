@@ -29,7 +29,7 @@ Agent::Agent(const AgentConfig& config, AgentIdentity identity, StageMeter& mete
       decimator_{config.decimator, arena, config.limits.image()},
       extractor_{config.patches, arena, config.limits.image().decimated(config.decimator.step)},
       tracker_{config.odometry, arena},
-      builder_{config.maplet, arena},
+      builder_{config.maplet, config.limits.image().decimated(config.decimator.step), arena},
       registrar_{config.registration, arena},
       closures_{config.registration, arena},
       skeleton_{config.skeleton, arena},

@@ -25,7 +25,7 @@ Matrix6d chain(const Matrix6d& of_b, const Se3& T_b_c, const Matrix6d& of_c) noe
 
 }  // namespace
 
-MapletBuilder::MapletBuilder(const MapletConfig& config, Arena& arena)
+MapletBuilder::MapletBuilder(const MapletConfig& config, ImageSize image, Arena& arena)
     : config_{config},
       map_{config, arena},
       rule_{config},
@@ -38,7 +38,7 @@ MapletBuilder::MapletBuilder(const MapletConfig& config, Arena& arena)
     recent_.push_back(arena.make<Keyframe>("maplet/overlap keyframe"));
   }
   for (int i = 0; i < config.max_keyframes; ++i) {
-    depths_.push_back(arena.make<DepthThumb>("maplet/depth of a keyframe"));
+    depths_.push_back(arena.make<KeptDepth>("maplet/kept depth", image, arena));
   }
 }
 
@@ -60,8 +60,7 @@ const MapletCut* MapletBuilder::add(const Keyframe& keyframe, const DepthFrame* 
     link_to(next.T_origin_camera, next.covariance);
     start(keyframe);
   } else if (asked && members_.size() < static_cast<std::size_t>(config_.max_keyframes)) {
-    see(frame);
-    take(keyframe, deadline);
+    see(keyframe, frame, deadline);
     done = cut(CutReason::kAsked, deadline);
     start_overlapping(1, deadline);
     return done;
@@ -69,16 +68,20 @@ const MapletCut* MapletBuilder::add(const Keyframe& keyframe, const DepthFrame* 
     done = cut(reason, deadline);
     start_overlapping(choose_overlap(), deadline);
   }
-  see(frame);
-  take(keyframe, deadline);
+  see(keyframe, frame, deadline);
   return done;
 }
 
-// What the next member saw.
-void MapletBuilder::see(const DepthFrame* frame) noexcept {
-  DepthThumb& depth = *depths_[members_.size()];
-  depth.clear();
-  if (frame != nullptr) depth.take(*frame);
+// Its image is at hand now only.
+void MapletBuilder::see(const Keyframe& keyframe, const DepthFrame* frame,
+                        Deadline deadline) noexcept {
+  KeptDepth& depth = *depths_[members_.size()];
+  if (frame != nullptr) {
+    depth.take(*frame);
+  } else {
+    depth.draw(keyframe.patches);
+  }
+  take(keyframe, deadline);
 }
 
 const MapletCut* MapletBuilder::finish() noexcept {
@@ -193,10 +196,9 @@ void MapletBuilder::take(const Keyframe& keyframe, Deadline deadline) noexcept {
     if (planar_) member.T_origin_camera = planar_->project(member.T_origin_camera);
     rule_.go(member.T_odom_camera);
   }
-  const DepthThumb& depth = *depths_[members_.size()];
+  const KeptDepth& depth = *depths_[members_.size()];
   members_.push_back(member);
-  map_.add(keyframe.patches, depth.step_px > 0 ? &depth : nullptr, member.T_origin_camera,
-           member.covariance, deadline);
+  map_.add(keyframe.patches, depth, member.T_origin_camera, member.covariance, deadline);
   remember(keyframe);
 }
 
@@ -226,7 +228,6 @@ std::optional<PathPoint> MapletBuilder::locate(const Track& track) const noexcep
 const MapletCut* MapletBuilder::cut(CutReason reason, Deadline deadline) noexcept {
   StaticVector<KeyframeLook, kMaxMapletKeyframes> looks;
   for (std::size_t i = 0; i < members_.size(); ++i) {
-    if (depths_[i]->step_px == 0) continue;
     looks.push_back({members_[i].T_origin_camera, &*depths_[i]});
   }
   Expected<std::size_t> size = fail(ErrorCode::kCapacity, "not tried yet");

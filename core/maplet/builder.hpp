@@ -8,9 +8,11 @@
 
 #include "core/base/arena.hpp"
 #include "core/base/deadline.hpp"
+#include "core/frame/image_size.hpp"
 #include "core/geometry/planar_motion.hpp"
 #include "core/maplet/config.hpp"
 #include "core/maplet/cut_rule.hpp"
+#include "core/maplet/kept_depth.hpp"
 #include "core/maplet/maplet.hpp"
 #include "core/maplet/path_point.hpp"
 #include "core/maplet/plane_map.hpp"
@@ -48,15 +50,15 @@ struct MapletCut {
 /// boundary moves to where there is structure.
 ///
 /// Memory   arena: a PlaneMap, two maplets, maplet.overlap_keyframes + boundary_keyframes
-///          keyframes, a DepthThumb for each of maplet.max_keyframes, the wire form
-/// Time     a keyframe's fusion per add; a cut adds a look at all cells through all keyframes
-/// (which
+///          keyframes, a KeptDepth for each of maplet.max_keyframes, the wire form
+/// Time     a keyframe's fusion per add; a cut adds a look at all cells through all keyframes (it
 ///          stops at the deadline), the overlap's keyframes once more and the codec
 /// Threads  one
 /// Math     docs/math/maplet.md (paper: Algorithm 1)
 class MapletBuilder {
  public:
-  MapletBuilder(const MapletConfig& config, Arena& arena);
+  /// @param image  the largest that keyframes are made of
+  MapletBuilder(const MapletConfig& config, ImageSize image, Arena& arena);
 
   /// Whose maplets these are; ids count up from `first_id`. Before the first add.
   void identify(std::uint16_t agent, std::uint32_t epoch, std::uint32_t first_id) noexcept;
@@ -96,7 +98,7 @@ class MapletBuilder {
     double structure = 0.0;
   };
 
-  void see(const DepthFrame* frame) noexcept;
+  void see(const Keyframe& keyframe, const DepthFrame* frame, Deadline deadline) noexcept;
   void take(const Keyframe& keyframe, Deadline deadline) noexcept;
   void start(const Keyframe& origin) noexcept;
   void start_overlapping(std::size_t shared, Deadline deadline) noexcept;
@@ -124,7 +126,7 @@ class MapletBuilder {
   std::optional<PlanarMotion> planar_;
   MapletKey key_;
   PathLink link_;  // of the maplet under construction
-  StaticVector<Arena::Owned<DepthThumb>, kMaxMapletKeyframes> depths_;  // of the members, alike
+  StaticVector<Arena::Owned<KeptDepth>, kMaxMapletKeyframes> depths_;  // of the members, alike
   Arena::Owned<Maplet> draft_;
   Arena::Owned<MapletCut> cut_;
   std::span<std::byte> bytes_;

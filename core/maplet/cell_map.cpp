@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "core/maplet/depth_look.hpp"
+
 namespace maplet {
 
 void Tile::vote(int cell, bool hit) noexcept {
@@ -15,8 +17,7 @@ void Tile::vote(int cell, bool hit) noexcept {
 }
 
 bool Tile::occupied(int cell, double max_free_share) const noexcept {
-  if (((touched >> cell) & 1U) == 0 || hits[cell] == 0) return false;
-  return frees[cell] <= max_free_share * (hits[cell] + frees[cell]);
+  return ((touched >> cell) & 1U) != 0 && is_surface(hits[cell], frees[cell], max_free_share);
 }
 
 CellMap::CellMap(Arena& arena)

@@ -57,7 +57,7 @@ bool PlaneMap::surface_in(const FusedPlane& from, const PlaneBasis& basis, const
     hits += tile->hits[cell];
     frees += tile->frees[cell];
   }
-  return 2 * touched >= side * side && hits > 0 && frees <= config_.max_free_share * (hits + frees);
+  return 2 * touched >= side * side && is_surface(hits, frees, config_.max_free_share);
 }
 
 bool PlaneMap::lay_grid(const FusedPlane& from, Maplet& out, MapletPlane& plane) const noexcept {

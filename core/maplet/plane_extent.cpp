@@ -131,12 +131,14 @@ void PlaneMap::place_quad(const View& view, const Patch& patch) noexcept {
   place_patch(view, *made, patch);
 }
 
-// Every cell in view is looked at through the frame's patches: surface there, or seen through?
-void PlaneMap::look(const View& view, Deadline deadline) noexcept {
-  const CameraModel& camera = view.set.camera;
+// Every cell in view is looked at: surface there, or seen through?
+void PlaneMap::look(const KeyframeLook& keyframe, Deadline deadline) noexcept {
+  const DepthLook look{*keyframe.depth, config_.fit_m};
+  const CameraModel& camera = keyframe.depth->camera();
+  const Se3 T_camera_maplet = keyframe.T_maplet_camera.inverse();
   const double reach = Tile::kSide * config_.cell_m * 0.75;
   for (const FusedPlane& plane : planes_.span()) {
-    if (plane.plane.distance(view.T_maplet_camera.t) < kBehindPlane_m)
+    if (plane.plane.distance(keyframe.T_maplet_camera.t) < kBehindPlane_m)
       continue;  // seen from behind
     if (deadline.expired()) {
       ++counts_.deadline_misses;
@@ -145,9 +147,8 @@ void PlaneMap::look(const View& view, Deadline deadline) noexcept {
     for (std::int32_t t = plane.first_tile; t >= 0; t = cells_.tile(t).next) {
       Tile& tile = cells_.tile(t);
       const Eigen::Vector3d centre =
-          view.T_camera_maplet *
-          plane.anchor.point((tile.column + 0.5) * Tile::kSide * config_.cell_m,
-                             (tile.row + 0.5) * Tile::kSide * config_.cell_m);
+          T_camera_maplet * plane.anchor.point((tile.column + 0.5) * Tile::kSide * config_.cell_m,
+                                               (tile.row + 0.5) * Tile::kSide * config_.cell_m);
       if (centre.z() < 0.2) continue;
       const double margin = reach / centre.z() * std::abs(camera.fx_px);
       const Eigen::Vector2d px = camera.project(centre);
@@ -155,53 +156,32 @@ void PlaneMap::look(const View& view, Deadline deadline) noexcept {
           px.y() > camera.height_px + margin) {
         continue;
       }
-      look_at_tile(view, plane, tile);
+      look_at_tile(look, T_camera_maplet, plane, tile);
     }
   }
 }
 
-// What the keyframe saw along a ray through a pixel inside its image; 0 = nothing.
-double PlaneMap::seen_depth_m(const View& view, const Eigen::Vector3d& ray, double u_px,
-                              double v_px) const noexcept {
-  if (view.depth != nullptr) {
-    return view.depth->at(static_cast<float>(u_px), static_cast<float>(v_px));
-  }
-  const std::int16_t seen =
-      labels_[static_cast<int>(v_px) / View::kBlock_px * view.blocks_across() +
-              static_cast<int>(u_px) / View::kBlock_px];
-  if (seen < 0) return 0.0;
-  const double inverse_depth = view.set.patches[seen].theta.dot(ray);
-  return inverse_depth < kMinInverseDepth ? 0.0 : 1.0 / inverse_depth;
-}
-
 // Each cell is looked at in its four quarters, eq. 6; also those that no patch has covered yet:
 // what went through them before counts when one does.
-void PlaneMap::look_at_tile(const View& view, const FusedPlane& plane, Tile& tile) const noexcept {
-  const CameraModel& camera = view.set.camera;
-  const Plane local = view.T_camera_maplet * plane.plane;
-  const Eigen::Vector3d u = view.T_camera_maplet.q * plane.anchor.u * (0.5 * config_.cell_m);
-  const Eigen::Vector3d v = view.T_camera_maplet.q * plane.anchor.v * (0.5 * config_.cell_m);
-  const Eigen::Vector3d corner =
-      view.T_camera_maplet * plane.anchor.point(tile.column * Tile::kSide * config_.cell_m,
-                                                tile.row * Tile::kSide * config_.cell_m) +
-      0.5 * (u + v);
+void PlaneMap::look_at_tile(const DepthLook& look, const Se3& T_camera_maplet,
+                            const FusedPlane& plane, Tile& tile) const noexcept {
+  const Eigen::Vector3f u =
+      (T_camera_maplet.q * plane.anchor.u * (0.5 * config_.cell_m)).cast<float>();
+  const Eigen::Vector3f v =
+      (T_camera_maplet.q * plane.anchor.v * (0.5 * config_.cell_m)).cast<float>();
+  const Eigen::Vector3f corner =
+      (T_camera_maplet * plane.anchor.point(tile.column * Tile::kSide * config_.cell_m,
+                                            tile.row * Tile::kSide * config_.cell_m))
+          .cast<float>() +
+      0.5F * (u + v);
   for (int cell = 0; cell < Tile::kSide * Tile::kSide; ++cell) {
-    const Eigen::Vector3d first =
-        corner + 2.0 * (cell % Tile::kSide) * u + 2.0 * (cell / Tile::kSide) * v;
+    const Eigen::Vector3f first = corner + static_cast<float>(2 * (cell % Tile::kSide)) * u +
+                                  static_cast<float>(2 * (cell / Tile::kSide)) * v;
     for (int part = 0; part < 4; ++part) {
-      const Eigen::Vector3d p = first + (part & 1) * u + (part >> 1) * v;
-      if (p.z() < 0.2) continue;
-      const Eigen::Vector3d ray = p * (1.0 / p.z());
-      const double x = camera.fx_px * ray.x() + camera.cx_px + 0.5;
-      const double y = camera.fy_px * ray.y() + camera.cy_px + 0.5;
-      if (!(x >= 0.0 && y >= 0.0 && x < camera.width_px && y < camera.height_px)) continue;
-      const double z = seen_depth_m(view, ray, x, y);
-      if (z <= 0.0) continue;
-      if (z - p.z() > behind_m(config_.fit_m, p.z())) {
-        tile.vote(cell, false);
-      } else if (std::abs(local.n.dot(ray) * z + local.d) <= slack_m(config_.fit_m, p.z())) {
-        tile.vote(cell, true);
-      }
+      const Eigen::Vector3f p =
+          first + static_cast<float>(part & 1) * u + static_cast<float>(part >> 1) * v;
+      const DepthLook::Seen seen = look.at(p);
+      if (seen != DepthLook::Seen::kNothing) tile.vote(cell, seen == DepthLook::Seen::kSurface);
     }
   }
 }

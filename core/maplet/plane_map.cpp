@@ -14,16 +14,12 @@ namespace {
 constexpr double kAssociationChi2 = 21.0;  // 3 degrees of freedom, 0.9999
 constexpr int kReachCells = 6;             // gap within one plane that association bridges
 
-std::size_t blocks_of(std::size_t px) noexcept { return (px + 3) / 4; }
-
 }  // namespace
 
 PlaneMap::PlaneMap(const MapletConfig& config, Arena& arena)
     : config_{config},
       cells_{arena},
       planes_{arena.make_array<FusedPlane>(kPlanes, "maplet/planes")},
-      labels_{arena.make_array<std::int16_t>(blocks_of(kMaxWidthPx) * blocks_of(kMaxHeightPx),
-                                             "maplet/labels")},
       order_{arena.make_array<std::uint16_t>(kMaxPatches, "maplet/patch order")},
       first_of_{arena.make_array<std::uint16_t>(kMaxFramePlanes + 2, "maplet/plane starts")},
       ranked_{arena.make_array<std::uint16_t>(kPlanes, "maplet/ranking")} {}
@@ -36,13 +32,12 @@ void PlaneMap::clear() noexcept {
   points_ = {};
 }
 
-void PlaneMap::add(const PatchSet& set, const DepthThumb* depth, const Se3& T_maplet_camera,
+void PlaneMap::add(const PatchSet& set, const KeptDepth& depth, const Se3& T_maplet_camera,
                    const Matrix6d& covariance, Deadline deadline) noexcept {
   ++keyframe_;
   points_.seen += set.valid_pixels;
-  label(set);
-  const View view{set,    T_maplet_camera, T_maplet_camera.inverse(), covariance, depth,
-                  order_, first_of_};
+  sort_patches(set);
+  const View view{set, T_maplet_camera, T_maplet_camera.inverse(), covariance, order_, first_of_};
   for (std::size_t f = 0; f < set.planes.size(); ++f) {
     if (view.patches_of(f).empty()) continue;
     const PlaneSighting sighting = sight(view, f);
@@ -57,11 +52,11 @@ void PlaneMap::add(const PatchSet& set, const DepthThumb* depth, const Se3& T_ma
   }
   place_loose(view);
   merge_alike();
-  look(view, deadline);
+  look({T_maplet_camera, &depth}, deadline);
 }
 
-// Sorts the patches by plane and writes down which patch covers which block of pixels.
-void PlaneMap::label(const PatchSet& set) noexcept {
+// Those of one frame plane together, in their order.
+void PlaneMap::sort_patches(const PatchSet& set) noexcept {
   const std::size_t planes = set.planes.size();
   std::fill(first_of_.begin(), first_of_.end(), std::uint16_t{0});
   const auto slot = [&](const Patch& p) {
@@ -80,20 +75,6 @@ void PlaneMap::label(const PatchSet& set) noexcept {
   }
   for (std::size_t f = planes + 1; f > 0; --f) first_of_[f] = first_of_[f - 1];
   first_of_[0] = 0;
-
-  const int across = (set.camera.width_px + View::kBlock_px - 1) / View::kBlock_px;
-  const int down = (set.camera.height_px + View::kBlock_px - 1) / View::kBlock_px;
-  std::fill_n(labels_.begin(), across * down, std::int16_t{-1});
-  for (std::size_t i = 0; i < set.patches.size(); ++i) {
-    const Patch& p = set.patches[i];
-    const int right = std::min((p.u_px + p.width_px - 1) / View::kBlock_px, across - 1);
-    const int bottom = std::min((p.v_px + p.height_px - 1) / View::kBlock_px, down - 1);
-    for (int row = p.v_px / View::kBlock_px; row <= bottom; ++row) {
-      for (int column = p.u_px / View::kBlock_px; column <= right; ++column) {
-        labels_[row * across + column] = static_cast<std::int16_t>(i);
-      }
-    }
-  }
 }
 
 PlaneSighting PlaneMap::sight(const View& view, std::size_t f) const noexcept {

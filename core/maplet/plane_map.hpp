@@ -9,7 +9,7 @@
 #include "core/base/static_vector.hpp"
 #include "core/maplet/cell_map.hpp"
 #include "core/maplet/config.hpp"
-#include "core/maplet/depth_thumb.hpp"
+#include "core/maplet/depth_look.hpp"
 #include "core/maplet/fused_plane.hpp"
 #include "core/maplet/maplet.hpp"
 #include "core/patches/patch.hpp"
@@ -40,7 +40,7 @@ struct PointShare {
 /// A keyframe's depth, and where it was taken.
 struct KeyframeLook {
   Se3 T_maplet_camera;
-  const DepthThumb* depth;
+  const KeptDepth* depth;
 };
 
 /// The planes of the maplet under construction and what keyframes saw of them.
@@ -62,9 +62,9 @@ class PlaneMap {
   [[nodiscard]] Se3 refine(const PatchSet& set, const Se3& T, const Matrix6d& covariance) noexcept;
 
   /// Fuses a keyframe's planes and patches.
-  /// @param depth  what the keyframe saw; nullptr: its patches stand for it
+  /// @param depth  what the keyframe saw
   /// @param covariance  of T_maplet_camera, tangent of camera
-  void add(const PatchSet& set, const DepthThumb* depth, const Se3& T_maplet_camera,
+  void add(const PatchSet& set, const KeptDepth& depth, const Se3& T_maplet_camera,
            const Matrix6d& covariance, Deadline deadline) noexcept;
 
   /// Writes the planes into `out`, the most informative first. Cells that keyframes saw through the
@@ -93,10 +93,6 @@ class PlaneMap {
  private:
   struct View;  // one keyframe, while it is added
 
-  struct CellLooks {
-    std::uint16_t on;
-    std::uint16_t through;
-  };
   struct GridLook;  // one keyframe's at one plane
 
   // An arena array that is filled from the front.
@@ -106,7 +102,7 @@ class PlaneMap {
     [[nodiscard]] std::span<FusedPlane> span() const noexcept { return storage.first(count); }
   };
 
-  void label(const PatchSet& set) noexcept;
+  void sort_patches(const PatchSet& set) noexcept;
   [[nodiscard]] PlaneSighting sight(const View& view, std::size_t frame_plane) const noexcept;
   [[nodiscard]] PlaneSighting sight(const View& view, const Plane& plane,
                                     const Eigen::Matrix3d& information,
@@ -122,7 +118,7 @@ class PlaneMap {
   void place_quad(const View& view, const Patch& patch) noexcept;
   void merge_alike() noexcept;
   void absorb(FusedPlane& keep, FusedPlane& gone) noexcept;
-  void look(const View& view, Deadline deadline) noexcept;
+  void look(const KeyframeLook& keyframe, Deadline deadline) noexcept;
   template <class F>
   void for_occupied(const FusedPlane& plane, F f) const noexcept;
   [[nodiscard]] bool surface_in(const FusedPlane& from, const PlaneBasis& basis,
@@ -130,16 +126,14 @@ class PlaneMap {
   [[nodiscard]] bool lay_grid(const FusedPlane& from, Maplet& out,
                               MapletPlane& plane) const noexcept;
   void carve(std::span<const KeyframeLook> looks, Maplet& out, const MapletPlane& plane) noexcept;
-  void look_along(const GridLook& look, int line, const Maplet& out, const CellGrid& grid,
+  void look_along(const GridLook& view, int line, const Maplet& out, const CellGrid& grid,
                   std::span<CellLooks> cells) const noexcept;
-  void look_at_tile(const View& view, const FusedPlane& plane, Tile& tile) const noexcept;
-  [[nodiscard]] double seen_depth_m(const View& view, const Eigen::Vector3d& ray, double u_px,
-                                    double v_px) const noexcept;
+  void look_at_tile(const DepthLook& look, const Se3& T_camera_maplet, const FusedPlane& plane,
+                    Tile& tile) const noexcept;
 
   MapletConfig config_;
   CellMap cells_;
   PlaneList planes_;
-  std::span<std::int16_t> labels_;     // patch of each 4 x 4 block, or -1
   std::span<std::uint16_t> order_;     // patches, those of one frame plane together
   std::span<std::uint16_t> first_of_;  // of each frame plane in order_
   std::span<std::uint16_t> ranked_;    // planes, for assemble

@@ -28,7 +28,7 @@ bool trusts_odometry(const MapletConfig& c) noexcept {
 Se3 PlaneMap::refine(const PatchSet& set, const Se3& T_odometry,
                      const Matrix6d& covariance) noexcept {
   if (planes_.count == 0 || set.planes.empty() || trusts_odometry(config_)) return T_odometry;
-  label(set);
+  sort_patches(set);
   const double scale = config_.odometry_scale * config_.odometry_scale;
   Matrix6d step = scale * covariance;
   step.topLeftCorner<3, 3>().diagonal().array() +=
@@ -38,7 +38,7 @@ Se3 PlaneMap::refine(const PatchSet& set, const Se3& T_odometry,
   const Matrix6d prior = step.inverse();
   Se3 T = T_odometry;
   for (int round = 0; round < kRounds; ++round) {
-    const View view{set, T, T.inverse(), step, nullptr, order_, first_of_};
+    const View view{set, T, T.inverse(), step, order_, first_of_};
     Matrix6d normal = prior;
     Vector6d right = -prior * (T_odometry.inverse() * T).log();
     double count = 0.0;

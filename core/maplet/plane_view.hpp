@@ -10,28 +10,17 @@ namespace maplet {
 
 inline constexpr double kBehindPlane_m = 0.05;  ///< a camera nearer than that sees no front
 
-/// What was seen so far behind a cell was seen through it.
-[[nodiscard]] inline double behind_m(double fit_m, double depth_m) noexcept {
-  return 2.0 * fit_m + 0.004 * depth_m * depth_m;
-}
-
 /// One keyframe while it is added to a PlaneMap.
 struct PlaneMap::View {
   const PatchSet& set;
   const Se3 T_maplet_camera;
   const Se3 T_camera_maplet;
   const Matrix6d& covariance;
-  const DepthThumb* depth;  ///< or nullptr: patches say what was seen
   std::span<const std::uint16_t> order;
   std::span<const std::uint16_t> first_of;
 
-  static constexpr int kBlock_px = 4;
-
   [[nodiscard]] std::span<const std::uint16_t> patches_of(std::size_t frame_plane) const noexcept {
     return order.subspan(first_of[frame_plane], first_of[frame_plane + 1] - first_of[frame_plane]);
-  }
-  [[nodiscard]] int blocks_across() const noexcept {
-    return (set.camera.width_px + kBlock_px - 1) / kBlock_px;
   }
 };
 

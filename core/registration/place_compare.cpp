@@ -43,14 +43,14 @@ void PlaceCompare::count_votes(const PlaceAxis& a, const PlaceAxis& b, bool flip
   const float zero = 0.5F * static_cast<float>(count) - window.middle_m / kBin_m;
   std::fill_n(bins_.begin(), count + 2, 0.0F);
   for (const PlaceAxis::Mark& mb : b.marks) {
-    const float at_b = (flipped ? mb.at_m : -mb.at_m) / kBin_m + zero;
-    const bool ahead = mb.ahead != flipped;
+    const float at_b = (flipped ? mb.at_m() : -mb.at_m()) / kBin_m + zero;
+    const bool ahead = mb.ahead() != flipped;
     for (const PlaceAxis::Mark& ma : a.marks) {
-      const float at = ma.at_m / kBin_m + at_b;
-      if (ma.ahead != ahead || !(at > 0.0F && at < static_cast<float>(count))) continue;
+      const float at = ma.at_m() / kBin_m + at_b;
+      if (ma.ahead() != ahead || !(at > 0.0F && at < static_cast<float>(count))) continue;
       const auto bin = static_cast<int>(at);
       const float part = at - static_cast<float>(bin);
-      const float vote = std::min(ma.weight, mb.weight);
+      const float vote = std::min(ma.weight(), mb.weight());
       bins_[static_cast<std::size_t>(bin)] += (1.0F - part) * vote;
       bins_[static_cast<std::size_t>(bin) + 1] += part * vote;
     }

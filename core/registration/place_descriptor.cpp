@@ -80,7 +80,7 @@ void PlaceDescriptor::describe(const Maplet& maplet, PlaceDescriptor& out) noexc
       if (taken[i] || std::abs(cosine) < kAxisCosine) continue;
       taken[i] = true;
       if (axis.marks.full()) continue;
-      axis.marks.push_back({axis.direction.dot(p.centre), p.weight, cosine > 0.0F});
+      axis.marks.push_back(PlaceAxis::Mark{axis.direction.dot(p.centre), p.weight, cosine > 0.0F});
       axis.weight += p.weight;
     }
     // An outlier of its own mean: nothing taken, nothing more to find.

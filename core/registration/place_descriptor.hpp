@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 
@@ -26,10 +27,27 @@ struct PlacePlane {
 /// A direction that many planes of a maplet are perpendicular to, and where they cut it.
 struct PlaceAxis {
   static constexpr std::size_t kMarks = 20;
-  struct Mark {
-    float at_m;  ///< along the direction
-    float weight;
-    bool ahead;  ///< its normal goes along the direction, not against it
+  /// One plane's, in four bytes: an index holds many of them.
+  class Mark {
+   public:
+    Mark() noexcept = default;
+    /// @param at_m  along the direction, within 130 m
+    /// @param weight  0..1.27
+    /// @param ahead  its normal goes along the direction, not against it
+    Mark(float at_m, float weight, bool ahead) noexcept
+        : at_{static_cast<std::int16_t>(std::lround(at_m / kStep_m))},
+          weight_{static_cast<std::uint8_t>(weight / kWeight + 0.5F)},
+          ahead_{ahead} {}
+    [[nodiscard]] float at_m() const noexcept { return kStep_m * static_cast<float>(at_); }
+    [[nodiscard]] float weight() const noexcept { return kWeight * static_cast<float>(weight_); }
+    [[nodiscard]] bool ahead() const noexcept { return ahead_; }
+
+   private:
+    static constexpr float kStep_m = 0.004F;
+    static constexpr float kWeight = 0.005F;
+    std::int16_t at_ = 0;
+    std::uint8_t weight_ = 0;
+    bool ahead_ = false;
   };
 
   Eigen::Vector3f direction;

@@ -44,6 +44,11 @@ inline void render(const std::vector<Wall>& walls, const Se3& T_world_camera, Ke
   out.patches.patches.clear();
   out.patches.planes.clear();
   out.patches.camera = camera;
+  PatchGrid& cells = out.patches.cells;
+  cells.cell_px = kBlock;
+  cells.width = static_cast<std::uint16_t>(camera.width_px / kBlock);
+  cells.height = static_cast<std::uint16_t>(camera.height_px / kBlock);
+  cells.patch.fill(PatchGrid::kNone);
   std::vector<int> plane_of(walls.size(), -1);
   std::vector<Eigen::Matrix3d> moments;
   std::vector<Eigen::Vector3d> thetas;
@@ -83,6 +88,8 @@ inline void render(const std::vector<Wall>& walls, const Se3& T_world_camera, Ke
       p.pixels = kBlock * kBlock;
       p.mean_gray = 80.0F;
       p.plane = static_cast<std::int16_t>(plane_of[wall]);
+      cells.patch[static_cast<std::size_t>(v / kBlock * cells.width + u / kBlock)] =
+          static_cast<std::int16_t>(out.patches.patches.size());
       out.patches.patches.push_back(p);
     }
   }

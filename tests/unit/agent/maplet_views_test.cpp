@@ -68,7 +68,10 @@ std::vector<test::Wall> room_with_crate() {
 // A tracker that walks away from its first view, makes maplets of its keyframes and is lost.
 class Walk {
  public:
-  Walk() : store_{64, 4096, 16384, arena_}, views_{store_, arena_}, builder_{maplet_, arena_} {
+  Walk()
+      : store_{64, 4096, 16384, arena_},
+        views_{store_, arena_},
+        builder_{maplet_, ImageSize{640, 480}, arena_} {
     tracker_ = std::make_unique<Tracker>(odometry_, arena_);
   }
   void hold_maplets() { tracker_->look_through(views_); }

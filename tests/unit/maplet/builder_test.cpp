@@ -98,7 +98,7 @@ TEST(MapletBuilder, SurfaceThatIsSeenThroughGoes) {
   auto with = std::make_unique<Keyframe>();
   auto without = std::make_unique<Keyframe>();
   Arena arena;
-  MapletBuilder builder{{}, arena};
+  MapletBuilder builder{{}, {320, 240}, arena};
   for (int i = 0; i < 8; ++i) {
     Keyframe& k = i < 2 ? *with : *without;
     const Se3 T = camera(1.0 + 0.05 * i, 2.5, 0.0);
@@ -129,15 +129,16 @@ TEST(PlaneMap, CellsSeenThroughTheSettledPlaneGo) {
   const auto cells_with = [&](const std::vector<std::uint16_t>* depth_mm, Deadline deadline) {
     Arena arena;
     PlaneMap map{{}, arena};
-    map.add(k.patches, nullptr, Se3{}, Matrix6d::Identity() * 1e-6, Deadline::never());
-    const auto thumb = std::make_unique<DepthThumb>();
+    KeptDepth depth{{c.width_px, c.height_px}, arena};
+    depth.draw(k.patches);
+    map.add(k.patches, depth, Se3{}, Matrix6d::Identity() * 1e-6, Deadline::never());
     std::vector<KeyframeLook> looks;
     if (depth_mm != nullptr) {
       DepthFrame frame;
       frame.camera = c;
       frame.depth = {depth_mm->data(), c.width_px, c.height_px, c.width_px};
-      thumb->take(frame);
-      looks.push_back({Se3{}, thumb.get()});
+      depth.take(frame);
+      looks.push_back({Se3{}, &depth});
     }
     const auto out = std::make_unique<Maplet>();
     map.assemble(*out, looks, kMaxMapletPlanes, deadline);
@@ -221,6 +222,10 @@ TEST(MapletBuilder, LoosePatchesAreKeptAsQuadsWhereTheyAreWorthIt) {
     p.pixels = 32 * 32;
     p.plane = Patch::kNoPlane;
     k.patches.patches.push_back(p);
+    k.patches.cells.cell_px = 64;
+    k.patches.cells.width = 5;
+    k.patches.cells.height = 4;
+    k.patches.cells.patch.fill(0);
     k.patches.valid_pixels = p.pixels;
     EXPECT_EQ(walk.builder().add(k, nullptr, Deadline::never()), nullptr);
     walk.finish();

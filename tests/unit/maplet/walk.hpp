@@ -16,7 +16,9 @@ class Walk {
  public:
   explicit Walk(const MapletConfig& config = {},
                 const std::vector<test::Wall>& walls = test::room())
-      : builder_{config, arena_}, walls_{walls}, keyframe_{std::make_unique<Keyframe>()} {
+      : builder_{config, ImageSize{320, 240}, arena_},
+        walls_{walls},
+        keyframe_{std::make_unique<Keyframe>()} {
     builder_.identify(2, 77, 5);
   }
 
