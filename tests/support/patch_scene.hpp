@@ -87,6 +87,20 @@ class PatchScene {
   }
 
  private:
+  /// Sum of m m' over the rays m of a cell's pixels: a ray's x is its column's, its y its row's.
+  [[nodiscard]] Eigen::Matrix3d moments(int u, int v) const {
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    Eigen::Vector3d squares = Eigen::Vector3d::Zero();
+    for (int i = 0; i < cell_px; ++i) {
+      const Eigen::Vector3d m = camera.ray(u + i, v + i);
+      sum += m;
+      squares += m.cwiseAbs2();
+    }
+    Eigen::Matrix3d out = sum * sum.transpose();
+    out.diagonal() = cell_px * squares;
+    return out;
+  }
+
   template <class Rng>
   void add_patch(const Se3& T_world_camera, int u, int v, Rng& rng, PatchSet& out) const {
     if (full(out.patches)) return;
@@ -101,14 +115,7 @@ class PatchScene {
     Plane seen = T_world_camera.inverse() * world;
     if (seen.d < 0.0) seen = {-seen.n, -seen.d};
     Patch patch{};
-    Eigen::Matrix3d moments = Eigen::Matrix3d::Zero();
-    for (int y = 0; y < cell_px; ++y) {
-      for (int x = 0; x < cell_px; ++x) {
-        const Eigen::Vector3d m = camera.ray(u + x, v + y);
-        moments += m * m.transpose();
-      }
-    }
-    patch.information = moments / (sigma_inverse_depth * sigma_inverse_depth * correlated_px);
+    patch.information = moments(u, v) / (sigma_inverse_depth * sigma_inverse_depth * correlated_px);
     const Eigen::Matrix3d root = Eigen::Matrix3d{patch.information.inverse()}.llt().matrixL();
     std::normal_distribution<double> normal;
     const Eigen::Vector3d unit{normal(rng), normal(rng), normal(rng)};
