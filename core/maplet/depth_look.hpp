@@ -2,7 +2,9 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <cstdint>
+#include <utility>
 
 #include "core/maplet/kept_depth.hpp"
 
@@ -26,26 +28,49 @@ class DepthLook {
         height_{static_cast<float>(depth.camera().height_px)},
         limit_m_{static_cast<float>(2.0 * fit_m)} {}
 
-  /// On which sides of the view a point is, one bit each: two points that have one in common have
-  /// nothing of the line between them in view.
-  [[nodiscard]] unsigned outside(const Eigen::Vector3f& p) const noexcept {
-    const float x = fx_ * p.x() + cx_ * p.z();
-    const float y = fy_ * p.y() + cy_ * p.z();
-    return (p.z() < kNearest_m ? 1U : 0U) | (x < 0.0F ? 2U : 0U) | (y < 0.0F ? 4U : 0U) |
-           (x >= width_ * p.z() ? 8U : 0U) | (y >= height_ * p.z() ? 16U : 0U);
+  /// A point, or a step between points, as pixels times its depth, and the depth: linear, so that
+  /// steps may be added.
+  /// @param p  camera frame, m
+  [[nodiscard]] Eigen::Vector3f pixels(const Eigen::Vector3d& p) const noexcept {
+    const Eigen::Vector3f f = p.cast<float>();
+    return {fx_ * f.x() + cx_ * f.z(), fy_ * f.y() + cy_ * f.z(), f.z()};
   }
 
-  /// @param p  camera frame, m
-  [[nodiscard]] Seen at(const Eigen::Vector3f& p) const noexcept {
-    if (p.z() < kNearest_m) return Seen::kNothing;
-    const float inverse = 1.0F / p.z();
-    const float x = fx_ * p.x() * inverse + cx_;
-    const float y = fy_ * p.y() * inverse + cy_;
+  /// Which of the points h, h + step, ... h + (count - 1) step may be in view: [first, last).
+  [[nodiscard]] std::pair<int, int> in_view(const Eigen::Vector3f& h, const Eigen::Vector3f& step,
+                                            int count) const noexcept {
+    float first = 0.0F;
+    float last = static_cast<float>(count - 1);
+    const auto hold = [&](float at, float growth) {  // at + k growth >= 0
+      if (growth > 0.0F) {
+        first = std::max(first, -at / growth);
+      } else if (growth < 0.0F) {
+        last = std::min(last, -at / growth);
+      } else if (at < 0.0F) {
+        last = -1.0F;
+      }
+    };
+    hold(h.z() - kNearest_m, step.z());
+    hold(h.x(), step.x());
+    hold(h.y(), step.y());
+    hold(width_ * h.z() - h.x(), width_ * step.z() - step.x());
+    hold(height_ * h.z() - h.y(), height_ * step.z() - step.y());
+    if (!(first <= last)) return {0, 0};
+    return {static_cast<int>(first), static_cast<int>(last) + 1};
+  }
+
+  /// @param h  of pixels()
+  [[nodiscard]] Seen at(const Eigen::Vector3f& h) const noexcept {
+    const float z = h.z();
+    if (z < kNearest_m) return Seen::kNothing;
+    const float inverse = 1.0F / z;
+    const float x = h.x() * inverse;
+    const float y = h.y() * inverse;
     if (!(x >= 0.0F && y >= 0.0F && x < width_ && y < height_)) return Seen::kNothing;
     const float z_m = depth_->at(static_cast<int>(x), static_cast<int>(y));
     if (z_m == 0.0F) return Seen::kNothing;
-    const float off_m = z_m - p.z();
-    const float limit_m = limit_m_ + kNoise * p.z() * p.z();
+    const float off_m = z_m - z;
+    const float limit_m = limit_m_ + kNoise * z * z;
     if (off_m > limit_m) return Seen::kThrough;
     return off_m >= -limit_m ? Seen::kSurface : Seen::kNothing;
   }

@@ -20,35 +20,25 @@ struct PlaneMap::GridLook {
            double size_m, double fit_m) noexcept
       : look{*keyframe.depth, fit_m} {
     const Se3 T_camera_maplet = keyframe.T_maplet_camera.inverse();
-    u = (T_camera_maplet.q * basis.u * (0.5 * size_m)).cast<float>();
-    v = (T_camera_maplet.q * basis.v * (0.5 * size_m)).cast<float>();
-    corner =
-        (T_camera_maplet * basis.point(grid.column0 * size_m, grid.row0 * size_m)).cast<float>() +
-        0.5F * (u + v);
-    across = static_cast<float>(2 * grid.columns - 1) * u;
-  }
-
-  [[nodiscard]] bool in_view(const CellGrid& grid) const noexcept {
-    const Eigen::Vector3f last = corner + static_cast<float>(2 * grid.rows - 1) * v;
-    return (look.outside(corner) & look.outside(corner + across) & look.outside(last) &
-            look.outside(last + across)) == 0;
+    u = look.pixels(T_camera_maplet.q * basis.u * (0.5 * size_m));
+    v = look.pixels(T_camera_maplet.q * basis.v * (0.5 * size_m));
+    corner = look.pixels(T_camera_maplet * basis.point(grid.column0 * size_m, grid.row0 * size_m)) +
+             0.5F * (u + v);
   }
 
   DepthLook look;
-  Eigen::Vector3f u, v, corner, across;
+  Eigen::Vector3f u, v, corner;
 };
 
 // A line of quarters: every second one belongs to the same cell.
 void PlaneMap::look_along(const GridLook& view, int line, const Maplet& out, const CellGrid& grid,
                           std::span<CellLooks> cells) const noexcept {
   const Eigen::Vector3f start = view.corner + static_cast<float>(line) * view.v;
-  if ((view.look.outside(start) & view.look.outside(start + view.across)) != 0) return;
-  for (int column = 0; column < grid.columns; ++column) {
-    if (!out.cell(grid, column, line / 2)) continue;
-    for (int half = 0; half < 2; ++half) {
-      const Eigen::Vector3f p = start + static_cast<float>(2 * column + half) * view.u;
-      cells[static_cast<std::size_t>(column)].count(view.look.at(p));
-    }
+  const auto [first, last] = view.look.in_view(start, view.u, 2 * grid.columns);
+  for (int k = first; k < last; ++k) {
+    if (!out.cell(grid, k / 2, line / 2)) continue;
+    cells[static_cast<std::size_t>(k / 2)].count(
+        view.look.at(start + static_cast<float>(k) * view.u));
   }
 }
 
@@ -59,8 +49,7 @@ void PlaneMap::carve(std::span<const KeyframeLook> looks, Maplet& out,
   StaticVector<GridLook, kMaxMapletKeyframes> views;
   for (const KeyframeLook& look : looks) {
     if (plane.plane.distance(look.T_maplet_camera.t) < kBehindPlane_m || full(views)) continue;
-    const GridLook view{look, plane.basis(), grid, out.cell_m_of(grid), config_.fit_m};
-    if (view.in_view(grid)) views.push_back(view);
+    views.push_back({look, plane.basis(), grid, out.cell_m_of(grid), config_.fit_m});
   }
   // Of large planes the upper quarters in one keyframe, the lower ones in the next.
   const bool alternate = grid.columns * grid.rows > kLarge;

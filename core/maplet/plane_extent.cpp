@@ -165,14 +165,12 @@ void PlaneMap::look(const KeyframeLook& keyframe, Deadline deadline) noexcept {
 // what went through them before counts when one does.
 void PlaneMap::look_at_tile(const DepthLook& look, const Se3& T_camera_maplet,
                             const FusedPlane& plane, Tile& tile) const noexcept {
-  const Eigen::Vector3f u =
-      (T_camera_maplet.q * plane.anchor.u * (0.5 * config_.cell_m)).cast<float>();
-  const Eigen::Vector3f v =
-      (T_camera_maplet.q * plane.anchor.v * (0.5 * config_.cell_m)).cast<float>();
+  const double step_m = 0.5 * config_.cell_m;
+  const Eigen::Vector3f u = look.pixels(T_camera_maplet.q * plane.anchor.u * step_m);
+  const Eigen::Vector3f v = look.pixels(T_camera_maplet.q * plane.anchor.v * step_m);
   const Eigen::Vector3f corner =
-      (T_camera_maplet * plane.anchor.point(tile.column * Tile::kSide * config_.cell_m,
-                                            tile.row * Tile::kSide * config_.cell_m))
-          .cast<float>() +
+      look.pixels(T_camera_maplet * plane.anchor.point(tile.column * Tile::kSide * config_.cell_m,
+                                                       tile.row * Tile::kSide * config_.cell_m)) +
       0.5F * (u + v);
   for (int cell = 0; cell < Tile::kSide * Tile::kSide; ++cell) {
     const Eigen::Vector3f first = corner + static_cast<float>(2 * (cell % Tile::kSide)) * u +
