@@ -7,12 +7,6 @@
 
 namespace maplet {
 
-namespace {
-
-constexpr int kLarge = 1024;  // cells
-
-}  // namespace
-
 // A keyframe's look at one plane: where the middle of its grid's first quarter of a cell is, and
 // the steps from one quarter to the next.
 struct PlaneMap::GridLook {
@@ -51,18 +45,15 @@ void PlaneMap::carve(std::span<const KeyframeLook> looks, Maplet& out,
     if (plane.plane.distance(look.T_maplet_camera.t) < kBehindPlane_m || full(views)) continue;
     views.push_back({look, plane.basis(), grid, out.cell_m_of(grid), config_.fit_m});
   }
-  // Of large planes the upper quarters in one keyframe, the lower ones in the next.
-  const bool alternate = grid.columns * grid.rows > kLarge;
   std::array<CellLooks, kMaxGridCells> cells;
   for (int row = 0; row < grid.rows; ++row) {
     cells.fill({});
-    for (std::size_t i = 0; i < views.size(); ++i) {
-      for (int lower = 0; lower < 2; ++lower) {
-        if (alternate && lower == static_cast<int>(i % 2)) continue;
-        look_along(views[i], 2 * row + lower, out, grid, cells);
-      }
+    for (const GridLook& view : views) {
+      look_along(view, 2 * row, out, grid, cells);
+      look_along(view, 2 * row + 1, out, grid, cells);
     }
     for (int column = 0; column < grid.columns; ++column) {
+      if (!out.cell(grid, column, row)) continue;
       const CellLooks& cell = cells[static_cast<std::size_t>(column)];
       if (is_surface(cell.surface, cell.through, config_.max_free_share)) continue;
       out.clear_cell(grid, column, row);
