@@ -48,6 +48,23 @@ Json exchange_json(const RadioStatus& radio) {
           {"maplets_received", radio.maplets.received}};
 }
 
+// What a maplet has, and what found no room or no plane.
+Json kept_json(const MapletCounts& counts) {
+  return {{"patches_placed", counts.patches_placed}, {"patches_unfit", counts.patches_unfit},
+          {"patches_loose", counts.patches_loose},   {"quads_kept", counts.quads_kept},
+          {"quads_left_out", counts.quads_left_out}, {"cells_seen_through", counts.cells_carved},
+          {"planes_dropped", counts.planes_dropped}, {"planes_trimmed", counts.planes_trimmed},
+          {"tiles_missing", counts.tiles_missing},   {"looks_cut_short", counts.deadline_misses},
+          {"hidden_origins", counts.hidden_origins}};
+}
+
+Json links_json(const RegistrarCounts& counts) {
+  return {{"odometry_alone", counts.odometry_alone},
+          {"contradicted", counts.contradicted},
+          {"with_free_axes", counts.with_free_axes},
+          {"deadline_misses", counts.deadline_misses}};
+}
+
 Json memory_json(std::size_t arena_bytes) {
   Json memory{{"arena_bytes", arena_bytes}, {"peak_rss_bytes", peak_rss_bytes()}};
   if (allocation_counting_available()) {
@@ -89,13 +106,15 @@ std::string report_json(const RunTotals& totals, const SourceCounters& source,
       {"bytes_max", totals.maplet_bytes_max},
       {"planes_mean", mean(totals.maplet_planes, totals.maplets)},
       {"points_left_out_share", 1.0 - mean(totals.points.kept, totals.points.seen)},
-      {"point_cloud_bytes_mean", mean(totals.point_cloud_bytes, totals.maplets)}};
+      {"point_cloud_bytes_mean", mean(totals.point_cloud_bytes, totals.maplets)},
+      {"kept", kept_json(agent.maplet_counts())}};
   report["delta_poses"] = {
       {"count", totals.delta_poses},
       {"closures", totals.closures},
       {"ranges", totals.ranges},
       {"unrelated", totals.unrelated},
-      {"payload_bytes_mean", totals.delta_poses == 0 ? 0 : kDeltaPosePayloadBytes}};
+      {"payload_bytes_mean", totals.delta_poses == 0 ? 0 : kDeltaPosePayloadBytes},
+      {"links", links_json(agent.link_counts())}};
   const SkeletonCounters skeleton_counters = skeleton.counters();
   report["skeleton"] = {{"nodes", skeleton.node_count()},
                         {"factors", skeleton.factor_count()},

@@ -83,6 +83,7 @@ class Agent {
   /// How likely the newest maplet is to be found again, 0..1: what is shared first.
   [[nodiscard]] float saliency() const noexcept { return saliency_; }
   [[nodiscard]] const MapletCounts& maplet_counts() const noexcept { return builder_.counts(); }
+  [[nodiscard]] const RegistrarCounts& link_counts() const noexcept { return registrar_.counts(); }
 
   /// Takes in what another agent found out: its delta-pose or closure, as everybody reads it. The
   /// skeleton judges closures; what it makes of all of them in the end is settle()'s.

@@ -109,7 +109,13 @@ void PlaneMap::assemble(Maplet& out, std::span<const KeyframeLook> looks, std::s
     plane.plane = from.plane;
     plane.grid.axis = from.axis;
     if (!lay_grid(from, out, plane)) continue;
-    if (!looks.empty() && !deadline.expired()) carve(looks, out, plane);
+    if (!looks.empty()) {
+      if (deadline.expired()) {
+        ++counts_.deadline_misses;
+      } else {
+        carve(looks, out, plane);
+      }
+    }
     out.measure_extent(plane);
     if (plane.area_m2 < config_.min_area_m2) {
       out.give_back(plane.grid);

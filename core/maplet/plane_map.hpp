@@ -23,7 +23,7 @@ struct MapletCounts {
   std::uint64_t patches_loose = 0;   ///< on no plane
   std::uint64_t patches_placed = 0;
   std::uint64_t tiles_missing = 0;    ///< no room for more extent
-  std::uint64_t deadline_misses = 0;  ///< free space not looked at in time
+  std::uint64_t deadline_misses = 0;  ///< looks at a plane's cells not taken in time
   std::uint64_t planes_trimmed = 0;   ///< left out to keep maplet.max_bytes
   std::uint64_t quads_kept = 0;       ///< loose patches that are worth a plane of their own
   std::uint64_t quads_left_out = 0;

@@ -119,6 +119,10 @@ void expect_compact(const nlohmann::json& report) {
   EXPECT_GE(report["maplets"]["point_cloud_bytes_mean"].get<double>(),
             200 * report["maplets"]["bytes_mean"].get<double>());
   EXPECT_LE(report["delta_poses"]["payload_bytes_mean"], 160);
+  EXPECT_GT(report["maplets"]["kept"]["patches_placed"], 0);
+  EXPECT_GT(report["maplets"]["kept"]["cells_seen_through"], 0);
+  EXPECT_EQ(report["maplets"]["kept"]["looks_cut_short"], 0);
+  EXPECT_LE(report["delta_poses"]["links"]["contradicted"], report["delta_poses"]["count"]);
 }
 
 TEST(Replay, RedKitchen) {
