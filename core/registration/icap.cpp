@@ -231,7 +231,7 @@ void Icap::conclude(const Maplet&, const Maplet&, const Se3& T, MapletAlignment&
   const double scale =
       (kPriorDof + dof * leverage_chi2(pairs, T, seen.step_inverse)) / (kPriorDof + dof);
   out.information = seen.information / scale;
-  out.covariance = seen.covariance * scale;
+  out.covariance = seen.covariance * scale + seen.free_covariance;
   add_common(common_of(pairs, std::min(1.0, scale)), sums.pivot, out);
   if (planar_) out.covariance = planar_->restrict_covariance(out.covariance);
   out.free_axes = seen.free_axes;

@@ -24,7 +24,7 @@ Observability Observability::of(const Matrix6d& raw, const Matrix6d& spurious,
     const Vector6d form_b = to_pivot.transpose() * axis;  // what measures it
     if (value < least || value < 3.0 * by_noise) {        // eq. 10
       out.free_axes.push_back(axis_b.normalized());
-      out.covariance += kFreeSigma * kFreeSigma * axis_b * axis_b.transpose();
+      out.free_covariance += kFreeSigma * kFreeSigma * axis_b * axis_b.transpose();
       continue;
     }
     out.information += (value - by_noise) * form_b * form_b.transpose();

@@ -13,9 +13,10 @@ namespace maplet {
 /// Math   docs/math/icap.md, eq. 9-11. Directions are taken about a pivot among the planes and with
 ///   angles times 1 m, so that metres and radians compare.
 struct Observability {
-  Matrix6d information = Matrix6d::Zero();   ///< cleaned: zero along free axes
-  Matrix6d covariance = Matrix6d::Zero();    ///< kFreeSigma along free axes
-  Matrix6d step_inverse = Matrix6d::Zero();  ///< pseudo-inverse of the raw information
+  Matrix6d information = Matrix6d::Zero();      ///< cleaned: zero along free axes
+  Matrix6d covariance = Matrix6d::Zero();       ///< zero along free axes
+  Matrix6d free_covariance = Matrix6d::Zero();  ///< kFreeSigma along them
+  Matrix6d step_inverse = Matrix6d::Zero();     ///< pseudo-inverse of the raw information
   FixedList<Vector6d, 6> free_axes;
 
   static constexpr double kFreeSigma = 10.0;  ///< m, and rad at 1 m

@@ -129,7 +129,7 @@ TEST_F(MapletCommands, RegisterFindsTheTransform) {
   const std::string a = write("a.maplet", room(), T_world_a_);
   const std::string b = write("b.maplet", room(), T_world_b_, 2);
   const Se3 truth = T_world_a_.inverse() * T_world_b_;
-  const json found = result({"mapletctl", "register", a, b, "--json"});
+  const json found = result({"mapletctl", "register", a, b, "--guess", "0,0,0,0,0,0,1", "--json"});
   EXPECT_EQ(found["verdict"], "accept") << found.dump();
   ASSERT_EQ(found["T_a_b"].size(), 7U);
   for (int i = 0; i < 3; ++i) EXPECT_NEAR(found["T_a_b"][i].get<double>(), truth.t[i], 2e-3);
@@ -139,6 +139,10 @@ TEST_F(MapletCommands, RegisterFindsTheTransform) {
   for (const char* key : {"reason", "matches", "overlap", "iterations", "us"}) {
     EXPECT_TRUE(found.contains(key)) << key;
   }
+  // With no guess it is found as well, but another room may look like this one.
+  const json alone = result({"mapletctl", "register", a, b, "--json"});
+  EXPECT_EQ(alone["verdict"], "undecided") << alone.dump();
+  for (int i = 0; i < 3; ++i) EXPECT_NEAR(alone["T_a_b"][i].get<double>(), truth.t[i], 2e-3);
   const json hasty = result({"mapletctl", "register", a, b, "--json", "--budget-us", "1"});
   EXPECT_EQ(hasty["stop"], "deadline");
   EXPECT_NE(hasty["verdict"], "accept");

@@ -3,6 +3,8 @@
 
 #include <fmt/core.h>
 
+#include <cerrno>
+#include <cstring>
 #include <fstream>
 #include <stdexcept>
 
@@ -15,16 +17,21 @@ std::vector<std::byte> read_bytes(const std::filesystem::path& file) {
     throw std::runtime_error{
         fmt::format("{} is a folder: give one of its files (NNNN.maplet)", file.string())};
   }
+  if (std::filesystem::exists(file) && !std::filesystem::is_regular_file(file)) {
+    throw std::runtime_error{fmt::format("{} is no file: give a NNNN.maplet", file.string())};
+  }
   std::ifstream in{file, std::ios::binary};
-  std::vector<std::byte> bytes;
+  std::vector<std::byte> bytes(kMaxMapletBytes + 1);
   if (in) {
-    for (char buffer[65536]; in.read(buffer, sizeof buffer), in.gcount() > 0;) {
-      const auto* first = reinterpret_cast<const std::byte*>(buffer);
-      bytes.insert(bytes.end(), first, first + in.gcount());
+    in.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+    bytes.resize(static_cast<std::size_t>(in.gcount()));
+    if (bytes.size() > kMaxMapletBytes) {
+      throw std::runtime_error{fmt::format("{} is no maplet: it has more than {} bytes",
+                                           file.string(), kMaxMapletBytes)};
     }
     if (in.eof()) return bytes;
   }
-  throw std::runtime_error{fmt::format("cannot read {}", file.string())};
+  throw std::runtime_error{fmt::format("cannot read {}: {}", file.string(), std::strerror(errno))};
 }
 
 std::unique_ptr<Maplet> read_maplet(const std::filesystem::path& file) {

@@ -10,7 +10,8 @@
 
 namespace maplet::files {
 
-/// @throws std::runtime_error  naming the file, when it cannot be read
+/// At most kMaxMapletBytes of them.
+/// @throws std::runtime_error  naming the file, when it cannot be read or is larger
 [[nodiscard]] std::vector<std::byte> read_bytes(const std::filesystem::path& file);
 
 /// Decodes a `.maplet` file.

@@ -38,7 +38,12 @@ std::span<const files::Surface> largest(const std::vector<files::Surface>& surfa
 void export_ply(const Options& options) {
   files::PlyMesh mesh;
   if (fs::is_directory(options.input)) {
-    for (const files::RunMaplet& m : files::read_run(options.input).maplets) {
+    const files::Run run = files::read_run(options.input);
+    if (run.maplets.empty()) {
+      throw Failure{
+          fmt::format("{} has no maplets that its skeleton.g2o knows the place of", options.input)};
+    }
+    for (const files::RunMaplet& m : run.maplets) {
       for (const files::Surface& surface : largest(m.surfaces, options.fidelity)) {
         mesh.add(files::moved(m.T_world_maplet.se3, surface), files::colour_of(m.id, surface));
       }

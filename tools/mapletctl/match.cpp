@@ -38,9 +38,11 @@ Side read_side(const std::string& folder, std::uint16_t agent) {
   std::vector<fs::path> files;
   fs::path maplets{folder};
   if (fs::is_directory(maplets / "maplets")) maplets /= "maplets";
-  for (const auto& entry : fs::directory_iterator{maplets}) {
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator{maplets, error}) {
     if (entry.path().extension() == ".maplet") files.push_back(entry.path());
   }
+  if (error) throw Failure{fmt::format("cannot read {}: {}", maplets.string(), error.message())};
   if (files.empty()) {
     throw Failure{fmt::format("{} holds no maplets: give a folder of mapletd --out", folder)};
   }
@@ -197,7 +199,8 @@ void run(const Options& options) {
     if (kept == nullptr || rank(h) > rank(*kept)) kept = &h;
   }
   for (const auto& [pair, h] : best) print_pair(a, b, *h, options.json);
-  if (best.empty() && !options.json) fmt::print("no maplets of the two are alike\n");
+  const bool both = !a.maplets.empty() && !b.maplets.empty();
+  if (best.empty() && both && !options.json) fmt::print("no maplets of the two are alike\n");
   if (a.damaged || b.damaged) throw Failure{"match: not all maplets could be read"};
 }
 

@@ -2,9 +2,12 @@
 #include <fmt/core.h>
 #include <time.h>
 
+#include <algorithm>
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "core/registration/place_index.hpp"
+#include "core/registration/place_verifier.hpp"
 #include "core/registration/verdict.hpp"
 #include "tools/files/maplet_file.hpp"
 #include "tools/mapletctl/command.hpp"
@@ -97,32 +100,80 @@ void print_table(const Closure& c, double us, double verdict_us) {
              to_string(c.alignment.stop), c.alignment.iterations, us, verdict_us);
 }
 
+// Two maplets alone: no path says how others lie to them.
+class NoPaths final : public PlaceRelations {
+ public:
+  [[nodiscard]] bool relate(const MapletKey&, const MapletKey&, Se3&) const noexcept override {
+    return false;
+  }
+};
+
+constexpr Judgement kAlike{
+    Verdict::kUndecided,
+    "the planes agree; two maplets alone do not tell it from a place that is alike"};
+
+// The two origins may be near each other; if not, every place that the planes suggest is tried.
+Closure search(Maplet& a, Maplet& b, const RegistrationConfig& config, Verifier& verifier,
+               Deadline deadline) {
+  Closure out = verifier.verify(a, b, {}, config.gate_m, config.gate_rad, Prior::kGuess, deadline);
+  if (out.judgement.verdict == Verdict::kAccept) {
+    out.judgement = kAlike;
+    return out;
+  }
+  a.key = {1, 0, 0};  // two runs may be of one agent
+  b.key = {2, 0, 0};
+  Arena arena;
+  PlaceIndex index{1, arena};
+  index.add(a);
+  PlaceVerifier places{config, PlaceVerifier::kPerPair, arena};
+  bool in_time = true;
+  for (const PlaceCandidate& c : index.query(b, {}, deadline)) {
+    in_time = places.add(a, b, c.guesses, deadline) != Stop::kDeadline;
+  }
+  in_time = in_time && index.stop() != Stop::kDeadline;
+  places.judge(NoPaths{});
+  const auto found = places.hypotheses();
+  const auto best = std::ranges::max_element(found, {}, &PlaceHypothesis::value);
+  if (best != found.end()) {
+    out = {best->judgement, true, best->alignment, best->evidence.contradiction()};
+    if (out.judgement.verdict == Verdict::kAccept) out.judgement = kAlike;
+  }
+  if (!in_time) {
+    out.judgement = {Verdict::kUndecided, "no time left"};
+    out.alignment.stop = Stop::kDeadline;
+  }
+  return out;
+}
+
 void run(const Options& options) {
   const auto a = files::read_maplet(options.a);
   const auto b = files::read_maplet(options.b);
-  Se3 guess;
   const RegistrationConfig config;
-  double gate_m = config.gate_m;
-  bool linked = false;
-  double gate_rad = config.gate_rad;
-  if (!options.guess.empty()) {
-    guess = parse_guess(options.guess);
-  } else if ((linked = shared_keyframe(*a, *b, guess))) {
-    gate_m = config.link_gate_m;
-    gate_rad = config.link_gate_rad;
-  }
+  Se3 guess;
+  const bool guessed = !options.guess.empty();
+  if (guessed) guess = parse_guess(options.guess);
+  const bool linked = !guessed && shared_keyframe(*a, *b, guess);
+  const double gate_m = linked ? config.link_gate_m : config.gate_m;
+  const double gate_rad = linked ? config.link_gate_rad : config.gate_rad;
   const MonotonicClock clock;
   const auto verifier = std::make_unique<Verifier>(config);
-  const Prior prior = !options.guess.empty() || linked ? Prior::kPath : Prior::kGuess;
   const double before = cpu_us();
   const Deadline deadline =
       options.budget_us > 0.0
           ? Deadline{clock, Duration{static_cast<std::int64_t>(options.budget_us * 1e3)}}
           : Deadline::never();
-  Closure closure =
-      verifier->align(*a, *b, Transform<MapletA, MapletB>{guess}, gate_m, gate_rad, deadline);
-  const double us = cpu_us() - before;
-  verifier->judge(*a, *b, closure, gate_m, gate_rad, prior, deadline);
+  Closure closure;
+  double us = 0.0;
+  if (guessed || linked) {
+    closure =
+        verifier->align(*a, *b, Transform<MapletA, MapletB>{guess}, gate_m, gate_rad, deadline);
+    us = cpu_us() - before;
+    verifier->judge(*a, *b, closure, gate_m, gate_rad, linked ? Prior::kPath : Prior::kGuess,
+                    deadline);
+  } else {
+    closure = search(*a, *b, config, *verifier, deadline);
+    us = cpu_us() - before;
+  }
   const double verdict_us = cpu_us() - before - us;
   if (options.json) {
     fmt::print("{}\n", to_json(closure, us, verdict_us).dump());
@@ -141,8 +192,9 @@ void add_register(Command app) {
   command.add_option("b", options->b, "NNNN.maplet").required().type_name("B");
   command
       .add_option("--guess", options->guess,
-                  "T_a_b = x,y,z,qx,qy,qz,qw; default: a keyframe that both hold, else the same "
-                  "place")
+                  "T_a_b = x,y,z,qx,qy,qz,qw, within 0.6 m and 20 deg; default: a keyframe that "
+                  "both hold; else every place that the planes suggest is tried, and the best one "
+                  "is undecided: match asks all maplets of two runs")
       .comma_list(7)
       .type_name("POSE");
   command.add_option("--budget-us", options->budget_us, "Stop after this time; 0 = when done")

@@ -12,7 +12,6 @@
 #include "tests/support/synthetic_run.hpp"
 #include "tests/support/temp_dir.hpp"
 #include "tools/draw/palette.hpp"
-#include "tools/files/maplet_file.hpp"
 
 namespace maplet::draw {
 namespace {
@@ -40,10 +39,7 @@ Image read_png(const fs::path& file) {
   return out;
 }
 
-std::string read_text(const fs::path& file) {
-  const auto bytes = files::read_bytes(file);
-  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
-}
+std::string read_text(const fs::path& file) { return test::read_bytes(file); }
 
 class Sheet : public ::testing::Test {
  protected:
@@ -118,9 +114,9 @@ TEST_F(Sheet, SvgNeedsNothingElse) {
 TEST_F(Sheet, IsTheSameEveryTime) {
   for (const char* name : {"map.svg", "map.png"}) {
     draw_sheet(plan(), "A flat", folder_ / name);
-    const auto first = files::read_bytes(folder_ / name);
+    const auto first = read_text(folder_ / name);
     draw_sheet(plan(), "A flat", folder_ / name);
-    EXPECT_EQ(first, files::read_bytes(folder_ / name)) << name;
+    EXPECT_EQ(first, read_text(folder_ / name)) << name;
   }
 }
 
