@@ -45,7 +45,7 @@ struct KeyframeLook {
 
 /// The planes of the maplet under construction and what keyframes saw of them.
 ///
-/// Memory   kPlanes planes, a CellMap, labels of one frame, all in the arena (~1.5 MB).
+/// Memory   kPlanes planes, a CellMap, the order of a frame's patches, in the arena (~1.3 MB).
 /// Time     of add: O(patches * planes + cells in view); cells in view stop at the deadline.
 /// Math     docs/math/maplet.md, eq. 3-7.
 class PlaneMap {

@@ -36,7 +36,7 @@ struct PlaceSkip {
 /// Where a maplet may be, when nothing says how it lies to those that are stored: their
 /// descriptors, compared one by one.
 ///
-/// Memory   capacity descriptors (~3 KB each) and a scratch in the arena; beyond the capacity the
+/// Memory   capacity descriptors (2.4 KB each) and a scratch in the arena; beyond the capacity the
 ///          one added first goes.
 /// Time     query: ~10 us a stored maplet, then ~100 us for each of the kShortlist best; stops
 ///          between two at the deadline with the best so far
