@@ -31,12 +31,22 @@ constexpr int kCompared = 8;
 // How large errors really are, of what their covariances say: from the closures that count. Those
 // of many data sets are far too cautious, and a wrong one would hide in what they allow.
 template <class Space>
-double ClosureJudge<Space>::scale() const noexcept {
-  if (!policy_.wants_support) return 1.0;
+double ClosureJudge<Space>::size_of_errors() const noexcept {
   constexpr double kPrior = 30.0;  // measurements' worth of what cycles say
   const double dof = static_cast<double>(Space::kDim) * accepted_;
-  const double scale = kMargin * (graph_.last_chi2() + kPrior * local_scale_) / (dof + kPrior);
-  return std::clamp(scale, kLeastScale, kMostScale);
+  return std::max((graph_.last_chi2() + kPrior * local_scale_) / (dof + kPrior),
+                  kLeastScale / kMargin);
+}
+
+template <class Space>
+double ClosureJudge<Space>::scale() const noexcept {
+  return policy_.wants_support ? std::min(kMargin * size_of_errors(), kMostScale) : 1.0;
+}
+
+// Of one that nothing else speaks for: it must fit as others do, with no margin.
+template <class Space>
+double ClosureJudge<Space>::strict_scale() const noexcept {
+  return policy_.wants_support ? std::min(size_of_errors(), 1.0) : 1.0;
 }
 
 // Cycles of two closures next to each other and the odometry between them are short and need no
@@ -69,6 +79,18 @@ double ClosureJudge<Space>::chance(const Block &covariance) const noexcept {
   }
 }
 
+// How many of those that are out or wait chance would let pass, if all strict tests at most as
+// blunt as the limit were believed: each has its own, and most are far sharper than a lone one's.
+template <class Space>
+double ClosureJudge<Space>::by_chance(double limit) const noexcept {
+  double expected = 0.0;
+  for (const int factor : closures())
+    if ((state_[factor] == ClosureState::kRejected || state_[factor] == ClosureState::kWaiting) &&
+        chance_[factor] <= limit)
+      expected += chance_[factor];
+  return expected * std::pow(strict_scale() / scale(), 0.5 * Space::kDim);
+}
+
 // A closure that was told twice does not bear itself out.
 template <class Space>
 bool ClosureJudge<Space>::same_places(int factor, int other) const noexcept {
@@ -77,8 +99,9 @@ bool ClosureJudge<Space>::same_places(int factor, int other) const noexcept {
   return (f.a == g.a && f.b == g.b) || (f.a == g.b && f.b == g.a);
 }
 
-// Whether, given this closure, one of those that wait passes a sharp test; that
-// one is accepted too.
+// Whether one of those that wait passes a sharp test given this closure, and this one given it:
+// else the other is sharp by itself and has nothing to say about this one. That one is accepted
+// too.
 template <class Space>
 bool ClosureJudge<Space>::corroborated(int factor, const Innovation &own) noexcept {
   // own is in slot 1.
@@ -94,7 +117,11 @@ bool ClosureJudge<Space>::corroborated(int factor, const Innovation &own) noexce
     const Block gain = cross.transpose() * own_inverse;
     const Block left = theirs.covariance - gain * cross;
     const Tangent e = theirs.e - gain * own.e;
-    if (e.dot(left.inverse() * e) > gate_ * scale() || chance(left) > sharp()) continue;
+    const double given_own = chance(left);
+    const double given_theirs = chance(own.covariance) * given_own / chance(theirs.covariance);
+    if (e.dot(left.inverse() * e) > gate_ * scale() ||
+        !(std::max(given_own, given_theirs) < sharp()))
+      continue;
     accept(other);
     return true;
   }
@@ -221,8 +248,11 @@ void ClosureJudge<Space>::join_if_paired(int factor) noexcept {
 }
 
 #define MAPLET_INSTANTIATE(Space)                                                                 \
+  template double ClosureJudge<Space>::size_of_errors() const noexcept;                           \
   template double ClosureJudge<Space>::scale() const noexcept;                                    \
+  template double ClosureJudge<Space>::strict_scale() const noexcept;                             \
   template double ClosureJudge<Space>::chance(const ClosureJudge<Space>::Block &) const noexcept; \
+  template double ClosureJudge<Space>::by_chance(double) const noexcept;                          \
   template void ClosureJudge<Space>::note_cycle(double) noexcept;                                 \
   template bool ClosureJudge<Space>::same_places(int, int) const noexcept;                        \
   template bool ClosureJudge<Space>::corroborated(                                                \

@@ -28,6 +28,7 @@ ClosureJudge<Space>::ClosureJudge(PoseGraph<Space> &graph, Arena &arena, const J
       marginals_{graph.graph(), graph.elimination(), arena},
       chains_{chains},
       state_{arena.make_array<ClosureState>(graph.graph().max_factors(), "skeleton/closures")},
+      chance_{arena.make_array<float>(graph.graph().max_factors(), "skeleton/closures")},
       closures_{arena.make_array<int>(graph.graph().max_factors(), "skeleton/closures")} {}
 
 template <class Space>
@@ -66,9 +67,11 @@ void ClosureJudge<Space>::consider(int factor, bool compare) noexcept {
   }
   Innovation own;
   if (!measure(factor, 1, own)) return;
-  if (own.e.dot(own.covariance.inverse() * own.e) > gate_ * scale()) return reject(factor);
-  doubt_ = chance(own.covariance);
-  if (!policy_.wants_support || doubt_ < sharp() || (compare && corroborated(factor, own)))
+  chance_[factor] = static_cast<float>(chance(own.covariance));
+  const double chi2 = own.e.dot(own.covariance.inverse() * own.e);
+  if (chi2 > gate_ * scale()) return reject(factor);
+  if (chi2 < gate_ * strict_scale()) doubt_ = chance_[factor];
+  if (!policy_.wants_support || chance_[factor] < sharp() || (compare && corroborated(factor, own)))
     accept(factor);
 }
 
@@ -118,8 +121,7 @@ bool ClosureJudge<Space>::review() noexcept {
   int worst = -1;
   int likeliest = -1;  // of those that nothing speaks for or against
   // Where nothing at all is wrong there is no reason for doubt.
-  double least =
-      rejected_ == 0 ? std::numeric_limits<double>::infinity() : kByChance / (1.0 + rejected_);
+  double least = rejected_ == 0 ? std::numeric_limits<double>::infinity() : 1.0;
   const double gate = gate_ * scale();
   double most = gate;
   for (int k = 0; k < closure_count_; ++k) {
@@ -152,7 +154,7 @@ bool ClosureJudge<Space>::review() noexcept {
   if (worst >= 0 && !changed) {
     reject(worst);
     changed = true;
-  } else if (likeliest >= 0 && !changed) {
+  } else if (likeliest >= 0 && !changed && (rejected_ == 0 || by_chance(least) < kByChance)) {
     if (rejected_ > 0) {
       accept(likeliest);
     } else {

@@ -43,7 +43,7 @@ struct JudgePolicy {
 /// in. Where it is blunt, the closure waits until another one, given the first,
 /// passes a sharp test: two wrong ones seldom agree.
 ///
-/// Memory   eight bytes a factor, and Marginals.
+/// Memory   nine bytes a factor, and Marginals.
 /// Time     consider O(path to the root); review O(closures), one graph update
 /// each round. Math     docs/math/skeleton.md, section 8.
 template <class Space>
@@ -108,7 +108,7 @@ class ClosureJudge {
   /// A test is sharp when a closure between two random places passes it more seldom than this.
   static constexpr double kSharp = 1e-4;
   /// So many of those that are out may pass by chance, of all of them together.
-  static constexpr double kByChance = 0.02;
+  static constexpr double kByChance = 0.01;
 
   struct Innovation {
     Tangent e;
@@ -117,7 +117,9 @@ class ClosureJudge {
 
   [[nodiscard]] bool measure(int factor, int slot, Innovation &out) noexcept;
   [[nodiscard]] double chance(const Block &covariance) const noexcept;
+  [[nodiscard]] double size_of_errors() const noexcept;
   [[nodiscard]] double scale() const noexcept;
+  [[nodiscard]] double strict_scale() const noexcept;
   void turn(int factor, ClosureState to) noexcept;
   [[nodiscard]] bool corroborated(int factor, const Innovation &own) noexcept;
   [[nodiscard]] bool borne_out(int factor) noexcept;
@@ -125,6 +127,7 @@ class ClosureJudge {
   [[nodiscard]] double sharp() const noexcept {
     return std::min(kSharp, kByChance / (1.0 + rejected_));
   }
+  [[nodiscard]] double by_chance(double limit) const noexcept;
   void note_cycle(double chi2) noexcept;
   [[nodiscard]] bool same_places(int factor, int other) const noexcept;
   [[nodiscard]] double cycle(int factor, int other) noexcept;
@@ -142,6 +145,7 @@ class ClosureJudge {
   Marginals<Space> marginals_;
   const OdometryChains<Space> *chains_;
   std::span<ClosureState> state_;
+  std::span<float> chance_;  ///< chance(), when it was last measured
   std::span<int> closures_;  ///< in order of arrival
   int closure_count_ = 0;
   int accepted_ = 0;
@@ -156,7 +160,7 @@ class ClosureJudge {
   double seen_ = 0.0;            ///< those that there were
   double usual_ = 1.0;           ///< seen to expected
   std::uint64_t set_aside_ = 0;  ///< factors that the graph had no room for, as last looked at
-  double doubt_ = 1.0;           ///< chance() of the closure considered last
+  double doubt_ = 1.0;  ///< chance() of the closure considered last, where it fits as others do
   int cursor_ = 0;
   double extent_ = 1.0;  ///< of the map, m
   int extent_nodes_ = 0;

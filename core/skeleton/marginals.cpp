@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "core/skeleton/block_kernels.hpp"
 #include "core/skeleton/linearise.hpp"
 
 namespace maplet {
@@ -45,17 +46,20 @@ auto Marginals<Space>::project(int a, const Block &by_a, int b, const Block &by_
   rows_[a].x[slot] += by_a.transpose();
   if (b != kNone) rows_[b].x[slot] += by_b.transpose();
   const auto &pool = elimination_.pool();
-  Block sum = Block::Zero();
+  constexpr int kDim = Space::kDim;
+  std::array<double, kDim * kDim + 1> sum{};  // one in reserve: block_kernels.hpp
+  std::array<double, kDim * kDim + 1> turned{};
   for (const int node : path) {
     Block &x = rows_[node].x[slot];
     const int start = pool.start(node);
-    Eigen::Map<const Block>{pool.block(start)}.template triangularView<Eigen::Lower>().solveInPlace(
-        x);
-    sum.noalias() += x.transpose() * x;
+    for (int k = 0; k < kDim; ++k) block::solve_lower<kDim>(pool.block(start), x.col(k).data());
+    Eigen::Map<Block>{turned.data()} = x.transpose();
+    block::add_product<kDim>(sum.data(), turned.data(), turned.data());
     for (int s = start + 1; s < start + pool.length(node); ++s)
-      rows_[pool.slot(s).row].x[slot].noalias() -= Eigen::Map<const Block>{pool.block(s)} * x;
+      block::subtract_product<kDim>(rows_[pool.slot(s).row].x[slot].data(), pool.block(s),
+                                    turned.data());
   }
-  return sum;
+  return Eigen::Map<const Block>{sum.data()};
 }
 
 template <class Space>

@@ -81,6 +81,37 @@ TEST_P(SolveRobust, ClosuresOfASmallMapThatNothingSpeaksAgainstAreKept) {
   EXPECT_EQ(out.groups, 1) << "a pose's only link bends nothing";
 }
 
+TEST_P(SolveRobust, AClosureThatStandsAloneIsKeptAmongManyFalseOnes) {
+  constexpr int kSide = 6;
+  GraphFile graph = city(800, 8, 0.03, 5);
+  std::mt19937 random{9};
+  std::normal_distribution<double> noise{0.0, 0.03};
+  std::uint64_t last = 799;
+  for (int side = 0; side < 4; ++side)  // around a block where nobody else has been
+    for (int k = 0; k < kSide; ++k, ++last) {
+      const double turn = k == 0 ? M_PI / 2.0 : 0.0;
+      graph.edges.push_back(planar_edge(last, last + 1, std::cos(turn) + noise(random),
+                                        std::sin(turn) + noise(random), turn + noise(random),
+                                        1.0 / (0.03 * 0.03)));
+      Se3 step;
+      step.t = {std::cos(turn), std::sin(turn), 0.0};
+      step.q = {std::cos(0.5 * turn), 0.0, 0.0, std::sin(0.5 * turn)};
+      graph.truth[last + 1] = graph.truth[last] * step;
+    }
+  (void)add_false_closures(graph, 0.5, 11);
+  graph.edges.push_back(planar_edge(799, last, 0.0, 0.0, 0.0, 1.0 / (0.03 * 0.03)));
+  graph.edges.back().line = 2;
+  SolveOptions options;
+  options.robust = true;
+  options.batch = GetParam();
+  const SolveOutcome out = solve(graph, options);
+  const auto is_false = [](const Edge& e) { return e.line == 1; };
+  EXPECT_TRUE(std::none_of(out.rejected.begin(), out.rejected.end(),
+                           [](const Edge& e) { return e.line == 2; }));
+  EXPECT_EQ(std::count_if(out.rejected.begin(), out.rejected.end(), is_false),
+            std::count_if(graph.edges.begin(), graph.edges.end(), is_false));
+}
+
 TEST_P(SolveRobust, FalseClosuresThatBearEachOtherOutEndInTime) {
   GraphFile graph = city(800, 8, 0.03, 5);
   std::mt19937 random{3};
