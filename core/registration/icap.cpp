@@ -27,6 +27,10 @@ constexpr double kSamePairs_rad = 3e-3;
 constexpr double kGateShrink = 0.6;
 constexpr double kLeastGate_m = 0.08;
 constexpr double kLeastGate_rad = 0.08;
+constexpr double kSlideStep_m = 0.1;
+constexpr double kSlideGate_m = 0.1;
+constexpr double kSlideGain = 1.1;  // what is shared beside the answer, times what is there
+constexpr double kSlideAlong = 0.7;
 
 // Whether pairs that were found at x are those that would be found at y.
 bool close(const Se3& x, const Se3& y) noexcept {
@@ -96,51 +100,86 @@ Expected<MapletAlignment> Icap::align(const Maplet& a, const Maplet& b,
   }
   pairs_.prepare(a, b, region_, guess.se3);
   Se3 T = guess.se3;
-  if ((gate_m > kVotesGate_m || gate_rad > kVotesGate_rad) &&
-      start(a, b, T, gate_m, gate_rad, deadline)) {
+  const bool wide = gate_m > kVotesGate_m || gate_rad > kVotesGate_rad;
+  const double reach_m = gate_m;
+  if (wide && start(a, b, T, gate_m, gate_rad, deadline)) {
     gate_m = std::min(gate_m, kVotesGate_m);
     gate_rad = std::min(gate_rad, kVotesGate_rad);
   }
   if (planar_) T = planar_->project(T);
-  const Se3 held = T;  // where the pairs leave an axis free
-  bool matched = false;
-  Se3 T_matched;  // that the present pairs were found at
-  bool matched_narrow = false;
-  for (out.stop = Stop::kIterationLimit; static_cast<int>(out.iterations) < config_.max_iterations;
-       ++out.iterations) {
-    if (deadline.expired()) {
-      out.stop = Stop::kDeadline;
-      break;
-    }
-    const bool narrow = gate_m <= kLeastGate_m && gate_rad <= kLeastGate_rad;
-    if (!matched_narrow || !close(T_matched, T)) {
-      pairs_.match(T, gate_m, gate_rad, config_);
-      matched = true;
-      matched_narrow = narrow;
-      T_matched = T;
-      if (static_cast<int>(pairs_.pairs().size()) < config_.min_matches) {
-        return fail(ErrorCode::kNoOverlap, "too few planes in common");
-      }
-    }
-    if (improve(T, planar_ ? held : guess.se3, !narrow) && narrow) {
-      out.stop = Stop::kConverged;
-      ++out.iterations;
-      break;
-    }
-    gate_m = std::max(kLeastGate_m, kGateShrink * gate_m);
-    gate_rad = std::max(kLeastGate_rad, kGateShrink * gate_rad);
+  if (!settle(T, planar_ ? T : guess.se3, gate_m, gate_rad, deadline, out)) {
+    return fail(ErrorCode::kNoOverlap, "too few planes in common");
   }
-  if (!matched) {  // no time at all: the guess, and what it would match
-    pairs_.match(T, gate_m, gate_rad, config_);
-    if (pairs_.pairs().empty()) return fail(ErrorCode::kNoOverlap, "too few planes in common");
+  conclude(T, out);
+  if (wide && out.stop != Stop::kDeadline && slide(out, reach_m, T, deadline)) {
+    MapletAlignment slid;
+    slid.iterations = out.iterations;
+    if (settle(T, Se3{T}, gate_m = kSlideGate_m, gate_rad = kLeastGate_rad, deadline, slid)) {
+      conclude(T, slid);
+      if (slid.worth > out.worth) out = slid;
+    }
   }
-  conclude(a, b, T, out);
   if (out.stop == Stop::kDeadline) {  // what is within the gates may still be the answer, eq. 11d
     const Common gates{gate_m * gate_m / 9.0, gate_rad * gate_rad / 9.0};
     add_common(gates, Eigen::Vector3d::Zero(), out);
     if (planar_) out.covariance = planar_->restrict_covariance(out.covariance);
   }
   return out;
+}
+
+// Matches and solves in turn, the gates narrowing. @return false: fewer pairs than it needs
+bool Icap::settle(Se3& T, const Se3& held, double& gate_m, double& gate_rad, Deadline deadline,
+                  MapletAlignment& out) noexcept {
+  bool matched = false;
+  Se3 T_matched;  // that the present pairs were found at
+  bool matched_narrow = false;
+  out.stop = Stop::kIterationLimit;
+  for (int round = 0; round < config_.max_iterations; ++round) {
+    if (deadline.expired()) {
+      out.stop = Stop::kDeadline;
+      break;
+    }
+    ++out.iterations;
+    const bool narrow = gate_m <= kLeastGate_m && gate_rad <= kLeastGate_rad;
+    if (!matched_narrow || !close(T_matched, T)) {
+      pairs_.match(T, gate_m, gate_rad, config_);
+      matched = true;
+      matched_narrow = narrow;
+      T_matched = T;
+      if (static_cast<int>(pairs_.pairs().size()) < config_.min_matches) return false;
+    }
+    if (improve(T, held, !narrow) && narrow) {
+      out.stop = Stop::kConverged;
+      break;
+    }
+    gate_m = std::max(kLeastGate_m, kGateShrink * gate_m);
+    gate_rad = std::max(kLeastGate_rad, kGateShrink * gate_rad);
+  }
+  if (matched) return true;
+  pairs_.match(T, gate_m, gate_rad, config_);  // no time at all: what T would match
+  return !pairs_.pairs().empty();
+}
+
+// Planes that would fix a free axis lie out of sight of narrow gates: looks for them along it.
+// @param T  where most is shared, within reach of the answer. @return whether that is elsewhere
+bool Icap::slide(const MapletAlignment& from, double reach_m, Se3& T, Deadline deadline) noexcept {
+  const Se3 middle = from.T_a_b.se3;
+  double most = kSlideGain * from.worth;
+  bool found = false;
+  for (const Vector6d& axis : from.free_axes) {
+    const Eigen::Vector3d way = axis.head<3>();
+    if (way.norm() < kSlideAlong) continue;
+    for (double at = -reach_m; at <= reach_m; at += kSlideStep_m) {
+      if (deadline.expired()) return found;
+      const Se3 beside{middle.q, middle.t + at * (middle.q * way.normalized())};
+      pairs_.match(beside, kSlideGate_m, kLeastGate_rad, config_);
+      if (pairs_.worth() <= most) continue;
+      most = pairs_.worth();
+      T = beside;
+      found = true;
+    }
+  }
+  return found;
 }
 
 // Far from the truth the nearest plane is often another one: the planes vote first.
@@ -150,7 +189,7 @@ bool Icap::start(const Maplet& a, const Maplet& b, Se3& T, double gate_m, double
   if (deadline.expired()) return false;
   PlaceDescriptor::describe(b, place_b_);
   if (deadline.expired()) return false;
-  const auto found = compare_.guess_near(place_a_, place_b_, T, gate_m, gate_rad);
+  const auto found = compare_.guess_near(place_a_, place_b_, T, gate_m, gate_rad, deadline);
   if (found.empty() || found.front().score < kLeastScore) return false;
   Se3 best = found.front().T_a_b;
   const bool clear = found.size() == 1 || found[1].score < kNearlyAsGood * found.front().score;
@@ -215,7 +254,7 @@ bool Icap::improve(Se3& T, const Se3& guess, bool closed_form) noexcept {
   return moved.head<3>().norm() < kConverged_m && moved.tail<3>().norm() < kConverged_rad;
 }
 
-void Icap::conclude(const Maplet&, const Maplet&, const Se3& T, MapletAlignment& out) noexcept {
+void Icap::conclude(const Se3& T, MapletAlignment& out) noexcept {
   const auto pairs = pairs_.pairs();
   PairSums sums = PairSums::of(pairs, T);
   if (planar_) sums.restrict_to(*planar_);

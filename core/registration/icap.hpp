@@ -81,7 +81,11 @@ class Icap {
                            Deadline deadline) noexcept;
   [[nodiscard]] bool improve(Se3& T, const Se3& guess, bool closed_form) noexcept;
   void solve_closed_form(Se3& T, const Se3& guess) const noexcept;
-  void conclude(const Maplet& a, const Maplet& b, const Se3& T, MapletAlignment& out) noexcept;
+  [[nodiscard]] bool settle(Se3& T, const Se3& held, double& gate_m, double& gate_rad,
+                            Deadline deadline, MapletAlignment& out) noexcept;
+  [[nodiscard]] bool slide(const MapletAlignment& from, double reach_m, Se3& T,
+                           Deadline deadline) noexcept;
+  void conclude(const Se3& T, MapletAlignment& out) noexcept;
 
   RegistrationConfig config_;
   const RegionOfInterest* region_ = nullptr;

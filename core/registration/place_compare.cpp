@@ -14,7 +14,6 @@ constexpr float kSameAngle = 0.1F;      // between two axes' cosines in a and in
 constexpr float kAlongCosine = 0.98F;   // an axis of b on one of a
 constexpr float kUpCosine = 0.95F;      // where gravity is known on both sides
 constexpr float kSameTurnTrace = 2.9F;  // of R1^T R2: less than 18 deg
-constexpr float kNearShare = 0.7F;      // the same, near a guess
 constexpr std::size_t kTurnsTried = 8;
 constexpr float kTurnsShare = 0.7F;    // of the best turn's votes
 constexpr float kShiftsShare = 0.75F;  // of the best shifts' votes
@@ -25,14 +24,6 @@ Eigen::Matrix3f frame(const Eigen::Vector3f& x, const Eigen::Vector3f& y) noexce
   f.col(2) = x.cross(y).normalized();
   f.col(1) = f.col(2).cross(x);
   return f;
-}
-
-// Whether a direction is well out of the span of those there are.
-template <class Rows>
-bool spans_more(const Rows& rows, const Eigen::Vector3f& direction) noexcept {
-  if (rows.empty()) return true;
-  if (rows.size() == 1) return rows[0].cross(direction).norm() > 0.5F;
-  return std::abs(rows[0].cross(rows[1]).normalized().dot(direction)) > 0.5F;
 }
 
 }  // namespace
@@ -191,94 +182,6 @@ PlaceCompare::Guesses PlaceCompare::guess(const PlaceDescriptor& a,
   for (std::size_t i = 0; i < std::min(turns_.size(), kTurnsTried); ++i) {
     if (turns_[i].score < kTurnsShare * turns_.front().score) break;
     try_shifts(turns_[i], out);
-  }
-  return out;
-}
-
-// The turn near R_guess that brings the axes of b onto those of a.
-bool PlaceCompare::turn_near(const Eigen::Matrix3f& R_guess, float gate_rad, Turn& turn) noexcept {
-  turn.R = R_guess;
-  for (const float reach_rad : {gate_rad + 0.05F, 0.12F}) {
-    for (auto& on : turn.of_a) on.axis_b = -1;
-    Eigen::Matrix3f h = Eigen::Matrix3f::Zero();
-    float total = 0.0F;
-    for (std::size_t ib = 0; ib < b_->axes.size(); ++ib) {
-      const Eigen::Vector3f direction = turn.R * b_->axes[ib].direction;
-      float most = std::cos(std::min(reach_rad, 0.7F));
-      std::size_t best = kAxes;
-      for (std::size_t ia = 0; ia < a_->axes.size(); ++ia) {
-        const float cosine = std::abs(a_->axes[ia].direction.dot(direction));
-        if (cosine <= most || turn.of_a[ia].axis_b >= 0) continue;
-        most = cosine;
-        best = ia;
-      }
-      if (best == kAxes) continue;
-      const bool flipped = a_->axes[best].direction.dot(direction) < 0.0F;
-      turn.of_a[best].axis_b = static_cast<std::int8_t>(ib);
-      turn.of_a[best].flipped = flipped;
-      const float weight = std::min(a_->axes[best].weight, b_->axes[ib].weight);
-      h += (flipped ? -weight : weight) * a_->axes[best].direction *
-           b_->axes[ib].direction.transpose();
-      total += weight;
-    }
-    if (total <= 0.0F) return false;
-    h += 0.01F * total * R_guess;
-    const Eigen::JacobiSVD<Eigen::Matrix3f, Eigen::NoQRPreconditioner> svd{
-        h, Eigen::ComputeFullU | Eigen::ComputeFullV};
-    Eigen::Matrix3f fix = Eigen::Matrix3f::Identity();
-    fix(2, 2) = (svd.matrixU() * svd.matrixV().transpose()).determinant();
-    turn.R = svd.matrixU() * fix * svd.matrixV().transpose();
-  }
-  return true;
-}
-
-PlaceCompare::Guesses PlaceCompare::guess_near(const PlaceDescriptor& a, const PlaceDescriptor& b,
-                                               const Se3& T_a_b, double gate_m,
-                                               double gate_rad) noexcept {
-  a_ = &a;
-  b_ = &b;
-  Guesses out;
-  Turn turn;
-  if (!turn_near(T_a_b.rotation().cast<float>(), static_cast<float>(gate_rad), turn)) return out;
-  const Eigen::Vector3f t = T_a_b.t.cast<float>();
-  Window window;
-  window.want_peaks = true;
-  window.reach_m = static_cast<float>(gate_m);
-  // Three directions that span space: axes that both have, then whatever is left, as guessed.
-  StaticVector<Eigen::Vector3f, 3> rows;
-  StaticVector<StaticVector<Peak, kPeaks>, 3> shifts;
-  for (std::size_t ia = 0; ia < a.axes.size() && rows.size() < 3; ++ia) {
-    const auto& on = turn.of_a[ia];
-    const Eigen::Vector3f& direction = a.axes[ia].direction;
-    if (on.axis_b < 0 || !spans_more(rows, direction)) continue;
-    Votes v;
-    window.middle_m = direction.dot(t);
-    count_votes(a.axes[ia], b.axes[static_cast<std::size_t>(on.axis_b)], on.flipped, window, v);
-    if (v.peaks.empty()) v.peaks.push_back({window.middle_m, 0.0F});
-    rows.push_back(direction);
-    shifts.push_back(v.peaks);
-  }
-  for (int i = 0; i < 3 && rows.size() < 3; ++i) {
-    if (!spans_more(rows, Eigen::Vector3f::Unit(i))) continue;
-    rows.push_back(Eigen::Vector3f::Unit(i));
-    shifts.push_back({Peak{t[i], 0.0F}});
-  }
-  if (rows.size() < 3) return out;
-  Eigen::Matrix3f all;
-  for (int i = 0; i < 3; ++i) all.row(i) = rows[static_cast<std::size_t>(i)].transpose();
-  const Eigen::Matrix3f solve = all.inverse();
-  turn_planes(turn.R);
-  float least = 0.0F;
-  for (const auto& list : shifts) least += kNearShare * list.front().votes;
-  for (const Peak& x : shifts[0]) {
-    for (const Peak& y : shifts[1]) {
-      for (const Peak& z : shifts[2]) {
-        if (x.votes + y.votes + z.votes < least) break;
-        const Eigen::Vector3f at = solve * Eigen::Vector3f{x.shift_m, y.shift_m, z.shift_m};
-        if ((at - t).norm() > 1.5F * window.reach_m) continue;
-        keep(turn.R, at, out);
-      }
-    }
   }
   return out;
 }

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 
+#include "core/base/deadline.hpp"
 #include "core/base/static_vector.hpp"
 #include "core/geometry/se3.hpp"
 #include "core/registration/place_descriptor.hpp"
@@ -33,10 +34,12 @@ class PlaceCompare {
   /// @return share of b's weight, 0..1
   [[nodiscard]] float rank(const PlaceDescriptor& a, const PlaceDescriptor& b) noexcept;
 
-  /// The same, near a guess: the turn and the shifts that the axes ask for within the gates. What
-  /// no axis of the two fixes stays as guessed.
+  /// The same, near a guess: the turns and shifts that the axes ask for within the gates, and a row
+  /// of shifts along the axis that says least. What no axis of the two turns stays as guessed.
+  /// @param deadline  looked at every ~5 us: what has been found by then
   [[nodiscard]] Guesses guess_near(const PlaceDescriptor& a, const PlaceDescriptor& b,
-                                   const Se3& T_a_b, double gate_m, double gate_rad) noexcept;
+                                   const Se3& T_a_b, double gate_m, double gate_rad,
+                                   Deadline deadline) noexcept;
 
   /// The best transforms, no two of them alike, the best first.
   [[nodiscard]] Guesses guess(const PlaceDescriptor& a, const PlaceDescriptor& b) noexcept;
@@ -84,7 +87,9 @@ class PlaceCompare {
   [[nodiscard]] StaticVector<Peak, kPeaks> middles(const Eigen::Vector3f& axis,
                                                    const Eigen::Vector3f& shift,
                                                    const Eigen::Vector3f& t) noexcept;
-  [[nodiscard]] bool turn_near(const Eigen::Matrix3f& R_guess, float gate_rad, Turn& out) noexcept;
+  [[nodiscard]] bool turn_onto_axes(float reach_rad, Turn& turn) const noexcept;
+  void try_near(const Turn& turn, const Eigen::Vector3f& t, float reach_m, Deadline deadline,
+                Guesses& out) noexcept;
   void keep(const Eigen::Matrix3f& R, const Eigen::Vector3f& t, Guesses& out) const noexcept;
   void turn_planes(const Eigen::Matrix3f& R) noexcept;
   [[nodiscard]] float score(const Eigen::Vector3f& t) const noexcept;

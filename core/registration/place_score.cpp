@@ -13,15 +13,24 @@ constexpr float kPlaneCosine = 0.966F;  // planes that may coincide
 constexpr float kPlaneGate_m = 0.12F;
 constexpr float kSame_m = 0.25F;  // guesses closer than that are one
 
-// Share of the smaller rectangle that lies on the larger one: by its corners and centre.
+// Share of the smaller rectangle that lies on the larger one: by nine points of it.
 float shared(const PlacePlane& a, const Eigen::Vector3f& centre, const Eigen::Vector3f& u,
              const Eigen::Vector3f& v, float half_u, float half_v) noexcept {
+  constexpr float kSlack_m = 0.1F;
   const Eigen::Vector3f v_a = a.n.cross(a.u);
+  const Eigen::Vector3f from = centre - a.centre;
+  const Eigen::Vector3f along_u = 0.6F * half_u * u;
+  const Eigen::Vector3f along_v = 0.6F * half_v * v;
+  const Eigen::Vector2f at{from.dot(a.u), from.dot(v_a)};
+  const Eigen::Vector2f du{along_u.dot(a.u), along_u.dot(v_a)};
+  const Eigen::Vector2f dv{along_v.dot(a.u), along_v.dot(v_a)};
+  const Eigen::Vector2f limit{a.half_u_m + kSlack_m, a.half_v_m + kSlack_m};
   int on = 0;
-  for (const float s : {-0.6F, 0.0F, 0.6F}) {
-    for (const float t : {-0.6F, 0.0F, 0.6F}) {
-      const Eigen::Vector3f p = centre + s * half_u * u + t * half_v * v - a.centre;
-      on += std::abs(p.dot(a.u)) <= a.half_u_m + 0.1F && std::abs(p.dot(v_a)) <= a.half_v_m + 0.1F;
+  for (const float s : {-1.0F, 0.0F, 1.0F}) {
+    for (const float t : {-1.0F, 0.0F, 1.0F}) {
+      const Eigen::Vector2f p = at + s * du + t * dv;
+      on += static_cast<int>(std::abs(p.x()) <= limit.x()) &
+            static_cast<int>(std::abs(p.y()) <= limit.y());
     }
   }
   return static_cast<float>(on) / 9.0F;

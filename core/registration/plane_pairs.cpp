@@ -13,6 +13,7 @@ namespace maplet {
 namespace {
 
 constexpr double kPartShare = 0.5;  // of a part, on the larger plane
+constexpr int kAbove = 1 << 16;     // of the cells beside a grid: what is cut is positive
 
 // Sets every stride-th occupied cell's centre: 64 cells at a time.
 void sample(const Maplet& m, PlaneFeature& feature) noexcept {
@@ -43,6 +44,21 @@ void sample(const Maplet& m, PlaneFeature& feature) noexcept {
   }
 }
 
+// How far cells are from the plane's centre, at most.
+double reach_of(const Maplet& m, const PlaneFeature& f) noexcept {
+  const CellGrid& grid = f.plane->grid;
+  const double size = m.cell_m_of(grid);
+  double most = 0.0;
+  for (const int column : {0, int{grid.columns}}) {
+    for (const int row : {0, int{grid.rows}}) {
+      const Eigen::Vector3d corner =
+          f.basis.point((grid.column0 + column) * size, (grid.row0 + row) * size);
+      most = std::max(most, (corner - f.plane->centre).norm());
+    }
+  }
+  return most;
+}
+
 // What decode() lets through is; what a program made itself may be anything.
 bool usable(const MapletPlane& p) noexcept {
   return p.plane.n.allFinite() && p.covariance.allFinite() &&
@@ -62,32 +78,30 @@ double read(const Maplet& m, const RegionOfInterest* region, const Se3& T,
     f.basis = p.basis();
     f.tangent = {f.basis.u, f.basis.v, p.plane.n, p.centre};
     sample(m, f);
+    f.radius_m = reach_of(m, f);
     area += p.area_m2;
   }
   return area;
 }
 
 // Whether a surface was seen within `slack` of p; far slack asks the bounding box only.
-bool seen_near(const Maplet& m, const PlaneFeature& f, const Eigen::Vector3d& p,
-               double slack_m) noexcept {
-  const CellGrid& grid = f.plane->grid;
+bool seen_near(const Maplet& m, const CellGrid& grid, const PlaneBasis& basis,
+               const Eigen::Vector3d& p, double slack_m) noexcept {
   const double size = m.cell_m_of(grid);
-  const Eigen::Vector2d at =
-      f.basis.coordinates(p) / size - Eigen::Vector2d{grid.column0, grid.row0};
+  const Eigen::Vector2d at = basis.coordinates(p) / size - Eigen::Vector2d{grid.column0, grid.row0};
   const double slack = slack_m / size;
   if (!(at.x() > -slack && at.y() > -slack && at.x() < grid.columns + slack &&
         at.y() < grid.rows + slack)) {
     return false;
   }
   if (slack_m > 0.2) return true;
-  for (const double dy : {0.0, -slack, slack}) {
-    for (const double dx : {0.0, -slack, slack}) {
-      const int column = static_cast<int>(std::floor(at.x() + dx));
-      const int row = static_cast<int>(std::floor(at.y() + dy));
-      if (column >= 0 && row >= 0 && column < grid.columns && row < grid.rows &&
-          m.cell(grid, column, row)) {
-        return true;
-      }
+  const auto below = [](double x) { return static_cast<int>(x + kAbove) - kAbove; };
+  const int columns[] = {below(at.x()), below(at.x() - slack), below(at.x() + slack)};
+  const int rows[] = {below(at.y()), below(at.y() - slack), below(at.y() + slack)};
+  for (const int row : rows) {
+    if (row < 0 || row >= grid.rows) continue;
+    for (const int column : columns) {
+      if (column >= 0 && column < grid.columns && m.cell(grid, column, row)) return true;
     }
   }
   return false;
@@ -130,36 +144,37 @@ double PlanePairs::shared_m2() const noexcept {
   return sum;
 }
 
-void PlanePairs::consider(std::size_t ia, std::size_t ib, const Motion& T_a_b, const Motion& T_b_a,
-                          double gate_m, double gate_rad,
+// b's plane is moved_b_.
+void PlanePairs::consider(std::size_t ia, std::size_t ib, double gate_m, double gate_rad,
                           const RegistrationConfig& config) noexcept {
   const PlaneFeature& fa = a_[ia];
   const PlaneFeature& fb = b_[ib];
-  Plane b_in_a;
-  b_in_a.n = T_a_b.R * fb.plane->plane.n;
-  b_in_a.d = fb.plane->plane.d - b_in_a.n.dot(T_a_b.t);
   // The smaller plane's samples on the larger one.
   const bool b_smaller = fb.plane->area_m2 < fa.plane->area_m2;
-  const PlaneFeature& small = b_smaller ? fb : fa;
   const double slack = std::max(0.5 * gate_m, maplet_a_->cell_m);
+  const auto& samples = b_smaller ? moved_b_.samples : fa.samples;
+  const auto count = static_cast<double>(std::max<std::size_t>(1, samples.size()));
+  const double needed = config.min_extent_overlap * count;
   Eigen::Vector3d middle = Eigen::Vector3d::Zero();
   std::size_t shared = 0;
-  for (const Eigen::Vector3d& p : small.samples) {
-    const bool near = b_smaller ? seen_near(*maplet_a_, fa, T_a_b(p), slack)
-                                : seen_near(*maplet_b_, fb, T_b_a(p), slack);
+  std::size_t left = samples.size();
+  for (const Eigen::Vector3d& p : samples) {
+    if (static_cast<double>(shared + left) < needed) return;
+    --left;
+    const bool near = b_smaller ? seen_near(*maplet_a_, fa.plane->grid, fa.basis, p, slack)
+                                : seen_near(*maplet_b_, fb.plane->grid, moved_b_.basis, p, slack);
     if (!near) continue;
     ++shared;
-    middle += b_smaller ? T_a_b(p) : p;
+    middle += p;
   }
-  const double share = static_cast<double>(shared) /
-                       static_cast<double>(std::max<std::size_t>(1, small.samples.size()));
+  const double share = static_cast<double>(shared) / count;
   if (shared == 0 || share < config.min_extent_overlap) return;
   middle /= static_cast<double>(shared);
   middle -= fa.plane->plane.distance(middle) * fa.plane->plane.n;
 
-  const double off = b_in_a.distance(middle);
+  const double off = moved_b_.plane.distance(middle);
   if (std::abs(off) > gate_m) return;
-  const double turned = (b_in_a.n - fa.plane->plane.n).norm();
+  const double turned = (moved_b_.plane.n - fa.plane->plane.n).norm();
   const double cost =
       (off * off / (gate_m * gate_m) + turned * turned / (gate_rad * gate_rad) + 0.05) /
       share;  // eq. 2
@@ -171,24 +186,41 @@ void PlanePairs::consider(std::size_t ia, std::size_t ib, const Motion& T_a_b, c
   }
 }
 
+void PlanePairs::move_b(const PlaneFeature& b, const Eigen::Matrix3d& R,
+                        const Eigen::Vector3d& t) noexcept {
+  moved_b_.plane.n = R * b.plane->plane.n;
+  moved_b_.plane.d = b.plane->plane.d - moved_b_.plane.n.dot(t);
+  moved_b_.basis.foot = R * b.basis.foot + t;
+  moved_b_.basis.u = R * b.basis.u;
+  moved_b_.basis.v = R * b.basis.v;
+  moved_b_.samples.clear();
+  for (const Eigen::Vector3d& p : b.samples) moved_b_.samples.push_back(R * p + t);
+}
+
 void PlanePairs::match(const Se3& T_a_b, double gate_m, double gate_rad,
                        const RegistrationConfig& config) noexcept {
   pairs_.clear();
   best_of_a_.fill({});
   best_of_b_.fill({});
-  const Motion onto_a{T_a_b};
-  const Motion onto_b{T_a_b.inverse()};
+  const Eigen::Matrix3d R = T_a_b.rotation();
   const double least_cosine = std::cos(std::min(gate_rad, 1.5));
+  const double slack = std::max(gate_m, 2.0 * std::max(maplet_a_->cell_m, maplet_b_->cell_m));
   for (std::size_t ib = 0; ib < b_.size(); ++ib) {
-    const Eigen::Vector3d n = onto_a.R * b_[ib].plane->plane.n;
-    const Eigen::Vector3d centre = onto_a(b_[ib].plane->centre);
+    const PlaneFeature& fb = b_[ib];
+    const Eigen::Vector3d n = R * fb.plane->plane.n;
+    const Eigen::Vector3d centre = R * fb.plane->centre + T_a_b.t;
+    bool moved = false;
     for (std::size_t ia = 0; ia < a_.size(); ++ia) {
+      const PlaneFeature& fa = a_[ia];
       // n . n tells the seen sides apart too.
-      if (n.dot(a_[ia].plane->plane.n) < least_cosine) continue;
+      if (n.dot(fa.plane->plane.n) < least_cosine) continue;
+      const double apart = (centre - fa.plane->centre).norm();
+      if (apart > fa.radius_m + fb.radius_m + slack) continue;
       // With a lever arm the centres may be further off than the planes are.
-      const double reach = gate_m + gate_rad * (centre - a_[ia].plane->centre).norm();
-      if (std::abs(a_[ia].plane->plane.distance(centre)) > reach) continue;
-      consider(ia, ib, onto_a, onto_b, gate_m, gate_rad, config);
+      if (std::abs(fa.plane->plane.distance(centre)) > gate_m + gate_rad * apart) continue;
+      if (!moved) move_b(fb, R, T_a_b.t);
+      moved = true;
+      consider(ia, ib, gate_m, gate_rad, config);
     }
   }
   for (std::size_t ia = 0; ia < a_.size(); ++ia) {

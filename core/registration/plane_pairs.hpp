@@ -21,6 +21,7 @@ struct PlaneFeature {
   PlaneBasis basis{Plane{}, 0};
   PlaneTangent tangent;
   StaticVector<Eigen::Vector3d, kSamples> samples;  ///< spread over its occupied cells
+  double radius_m = 0.0;                            ///< about its centre: no cell is further
 };
 
 /// The same surface in both maplets, as matched.
@@ -69,22 +70,21 @@ class PlanePairs {
     Eigen::Vector3d middle = Eigen::Vector3d::Zero();  // a's frame
   };
 
-  // A transform as its matrix: samples are many.
-  struct Motion {
-    Eigen::Matrix3d R;
-    Eigen::Vector3d t;
-    explicit Motion(const Se3& T) noexcept : R{T.rotation()}, t{T.t} {}
-    [[nodiscard]] Eigen::Vector3d operator()(const Eigen::Vector3d& p) const noexcept {
-      return R * p + t;
-    }
+  // A plane of b in a's frame, as the present transform has it.
+  struct Moved {
+    Plane plane;
+    PlaneBasis basis{Plane{}, 0};
+    StaticVector<Eigen::Vector3d, PlaneFeature::kSamples> samples;
   };
-  void consider(std::size_t ia, std::size_t ib, const Motion& T_a_b, const Motion& T_b_a,
-                double gate_m, double gate_rad, const RegistrationConfig& config) noexcept;
+  void move_b(const PlaneFeature& b, const Eigen::Matrix3d& R, const Eigen::Vector3d& t) noexcept;
+  void consider(std::size_t ia, std::size_t ib, double gate_m, double gate_rad,
+                const RegistrationConfig& config) noexcept;
 
   const Maplet* maplet_a_ = nullptr;
   const Maplet* maplet_b_ = nullptr;
   StaticVector<PlaneFeature, kMaxMapletPlanes> a_;
   StaticVector<PlaneFeature, kMaxMapletPlanes> b_;
+  Moved moved_b_;  // the one that is being considered
   std::array<Best, kMaxMapletPlanes> best_of_a_;
   std::array<Best, kMaxMapletPlanes> best_of_b_;
   StaticVector<PlanePair, kMaxMapletPlanes> pairs_;

@@ -86,7 +86,7 @@ TEST(Icap, KeepsUsableTransformWhenDeadlinePasses) {
   const Views v = two_views_of(test::room());
   const TickingClock clock{1ms};  // every look at the clock costs 1 ms
   const auto icap = std::make_unique<Icap>(RegistrationConfig{});
-  const auto out = icap->align(*v.a, *v.b, perturbed(v.T_a_b), Deadline{clock, 6ms});
+  const auto out = icap->align(*v.a, *v.b, perturbed(v.T_a_b), Deadline{clock, 14ms});
   ASSERT_TRUE(out) << out.error().what;
   EXPECT_EQ(out->stop, Stop::kDeadline);
   EXPECT_GE(out->iterations, 1U);
@@ -173,6 +173,47 @@ TEST(Icap, CorridorLeavesItsAxisFree) {
     const Eigen::Vector3d off = out->T_a_b.se3.t - v.T_a_b.t;
     const Eigen::Vector3d across = v.T_a_b.q * Eigen::Vector3d{std::cos(0.1), 0, -std::sin(0.1)};
     EXPECT_LT(std::abs(off.dot(across)), 0.01);
+  }
+}
+
+// A leaf that stands ajar is no axis of the two: no votes, only its plane.
+TEST(Icap, OneLeafAjarFixesACorridor) {
+  const Eigen::Vector3d along{0.9, 0.42, 0.0};
+  const std::vector<test::Wall> corridor{{{10, 0, 0}, {10, 0, 0}, {0, 1, 0}},
+                                         {{10, 0, 2.6}, {0, 1, 0}, {10, 0, 0}},
+                                         {{10, -1, 1.3}, {0, 0, 1.3}, {10, 0, 0}},
+                                         {{10, 1, 1.3}, {10, 0, 0}, {0, 0, 1.3}},
+                                         {{11, 0.8, 1.0}, 0.45 * along, {0, 0, 1.0}}};
+  std::mt19937 rng{4};
+  for (const double off_m : {-0.5, -0.35, 0.35, 0.5}) {
+    Views v = two_views_of(corridor, test::camera_at({8, 0, 1.2}, 0.0),
+                           test::camera_at({9, 0.1, 1.2}, 0.1));
+    disturb(*v.a, rng);
+    disturb(*v.b, rng);
+    const auto out = align(v, T_A_B{v.T_a_b * Se3{Eigen::Quaterniond::Identity(), {0, 0, off_m}}});
+    ASSERT_TRUE(out);
+    EXPECT_TRUE(out->free_axes.empty()) << off_m;
+    expect_near(out->T_a_b.se3, v.T_a_b, 0.03, 0.0087);
+  }
+}
+
+// Turned so far that walls fall onto the panels before them.
+TEST(Icap, AGuessTurnedOntoOtherAxesIsPutRight) {
+  std::vector<test::Wall> walls = test::room();
+  const double rad = 0.3;
+  const Eigen::Vector3d x{std::cos(rad), std::sin(rad), 0};
+  const Eigen::Vector3d y{-std::sin(rad), std::cos(rad), 0};
+  for (int i = 0; i < 3; ++i) {
+    walls.push_back({{1.0 + i, 3.6, 1.0}, 0.4 * x, {0, 0, 0.8}});
+    walls.push_back({{4.4, 1.0 + i, 1.0}, {0, 0, 0.8}, 0.4 * y});
+  }
+  for (const double turn : {-0.28, -0.2, 0.2, 0.28}) {
+    const Views v = two_views_of(walls);
+    const Se3 turned{Eigen::Quaterniond{Eigen::AngleAxisd{turn, Eigen::Vector3d::UnitY()}},
+                     Eigen::Vector3d::Zero()};
+    const auto out = align(v, T_A_B{v.T_a_b * turned});
+    ASSERT_TRUE(out);
+    expect_near(out->T_a_b.se3, v.T_a_b, 0.03, 0.0087);
   }
 }
 
