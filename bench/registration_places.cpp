@@ -19,6 +19,7 @@ void report_judge(const Options& options, const Runs& runs) {
   if (runs.size() != 2) throw std::runtime_error{"judge takes two runs"};
   std::map<std::pair<std::string, std::string>, nlohmann::json> lines;
   std::ifstream in{options.lines};
+  if (!in) throw std::runtime_error{"cannot read --lines " + options.lines};
   for (std::string line; std::getline(in, line);) {
     const auto pair = nlohmann::json::parse(line);
     lines[{pair["a"].get<std::string>(), pair["b"].get<std::string>()}] = pair;

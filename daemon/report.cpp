@@ -98,6 +98,7 @@ std::string report_json(const RunTotals& totals, const SourceCounters& source,
   track = {{"keyframes", totals.keyframes}, {"lost", totals.lost}};
   add_tracking(agent.tracking(), track);
   track["partly_free"] = totals.partly_free;
+  if (const auto off = agent.off_plane_frames()) track["off_plane"] = *off;
   add_free_axes(totals.free, track);
   report["maplets"] = {
       {"count", totals.maplets},

@@ -12,6 +12,8 @@ namespace maplet {
 namespace {
 
 constexpr Duration kOriginsApart = std::chrono::seconds{5};  // that ranges ask for
+constexpr double kOffPlane_m = 0.03;
+constexpr double kOffPlane_rad = 0.03;
 
 Duration share_of(const FrameConfig& frame, double share) noexcept {
   return Duration{static_cast<Duration::rep>(static_cast<double>(frame.budget.count()) * share)};
@@ -111,8 +113,13 @@ void Agent::fix_plane(const PatchSet& patches) noexcept {
   closures_.hold_to(*planar_);
 }
 
-void Agent::hold_to_plane(Track& track) const noexcept {
+void Agent::hold_to_plane(Track& track) noexcept {
   if (!planar_) return;
+  if (track.state == Track::State::kTracking) {
+    const Se3& seen = track.T_keyframe_camera.se3;
+    const Se3 off = planar_->project(seen).inverse() * seen;
+    off_plane_ += off.t.norm() > kOffPlane_m || off.angle() > kOffPlane_rad ? 1 : 0;
+  }
   const Se3 T_odom_keyframe = track.T_odom_camera.se3 * track.T_keyframe_camera.se3.inverse();
   const auto held = planar_->condition(track.T_keyframe_camera.se3, track.covariance);
   track.T_keyframe_camera.se3 = held.T;

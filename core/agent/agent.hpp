@@ -84,6 +84,11 @@ class Agent {
   [[nodiscard]] float saliency() const noexcept { return saliency_; }
   [[nodiscard]] const MapletCounts& maplet_counts() const noexcept { return builder_.counts(); }
   [[nodiscard]] const RegistrarCounts& link_counts() const noexcept { return registrar_.counts(); }
+  /// Frames that were seen to be off the plane that motion = planar holds them in, by more than
+  /// 3 cm or 1.7 deg since their keyframe; nullopt: motion is free.
+  [[nodiscard]] std::optional<std::uint64_t> off_plane_frames() const noexcept {
+    return planar_wanted_ ? std::optional{off_plane_} : std::nullopt;
+  }
 
   /// Takes in what another agent found out: its delta-pose or closure, as everybody reads it. The
   /// skeleton judges closures; what it makes of all of them in the end is settle()'s.
@@ -158,7 +163,7 @@ class Agent {
   void record_and_add(const DeltaPose& delta, Deadline deadline) noexcept;
 
   void fix_plane(const PatchSet& patches) noexcept;
-  void hold_to_plane(Track& track) const noexcept;
+  void hold_to_plane(Track& track) noexcept;
 
   AgentIdentity identity_;
   MonotonicClock monotonic_;
@@ -181,6 +186,7 @@ class Agent {
   bool planar_wanted_;
   Vector3OrAuto up_;
   std::optional<PlanarMotion> planar_;  ///< once up is known
+  std::uint64_t off_plane_ = 0;
   std::optional<Stamp> origin_asked_;
   RangeKeeper ranges_;
   Stamp newest_frame_{};

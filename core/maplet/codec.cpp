@@ -22,8 +22,6 @@ constexpr std::size_t kCrcBytes = 4;
 constexpr std::size_t kMaxLayerBytes = 0xFFFF;
 constexpr std::size_t kCodingSlack = 8;  // the range coder's end, at most
 constexpr int kCoarseShift = 2;
-constexpr int kMinCell_mm = 5;
-constexpr int kMaxCell_mm = 1000;
 
 // Which planes and keyframes a layer adds, and how its planes' cells are written.
 struct Layer {
@@ -148,7 +146,8 @@ const char* get_header(ByteReader& in, Header& header) noexcept {
   const bool has_up = (packed & kHasUp) != 0;
   header.up = has_up ? codec::unpack_normal(up) : Eigen::Vector3d::Zero();
   const bool in_range = header.layers > 0 && header.layers <= codec::kMaxLayers &&
-                        cell_mm >= kMinCell_mm && cell_mm <= kMaxCell_mm && (has_up || up == 0);
+                        cell_mm >= codec::kMinCell_mm && cell_mm <= codec::kMaxCell_mm &&
+                        (has_up || up == 0);
   return in_range ? nullptr : "maplet holds values out of range";
 }
 

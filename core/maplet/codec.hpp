@@ -27,6 +27,8 @@ inline constexpr double kMaxTranslationError_m = 1e-4;
 inline constexpr double kMaxRotationError_rad = 1e-4;
 inline constexpr double kMaxSigmaFactor = 1.06;  ///< standard deviations only ever grow
 inline constexpr double kMaxDistance_m = 800.0;  ///< of a plane from the origin
+inline constexpr int kMinCell_mm = 5;
+inline constexpr int kMaxCell_mm = 1000;
 
 inline constexpr std::size_t kHeaderBytes = 36;
 inline constexpr std::size_t kMaxLayers = 3;
@@ -36,8 +38,8 @@ inline constexpr std::size_t kMiddleBytes = 4096;  ///< the first two together
 }  // namespace codec
 
 /// @return bytes written (all layers), or kCapacity when `out` is too short, or kBadInput when the
-///   maplet holds what cannot be written: no keyframe, not finite, further away than
-///   codec::kMaxDistance_m
+///   maplet holds what cannot be written: no keyframe, not finite, a negative variance, cells
+///   of another size than kMinCell_mm to kMaxCell_mm, further away than codec::kMaxDistance_m
 [[nodiscard]] Expected<std::size_t> encode(const Maplet& maplet, std::span<std::byte> out) noexcept;
 
 /// Where the layers of an encoded maplet end that `bytes` holds completely, bytes from its start.

@@ -36,6 +36,8 @@ bool get_grid(ByteReader& in, Maplet& m, MapletPlane& p) noexcept {
 
 bool writable(const Maplet& m) noexcept {
   if (m.keyframes.empty()) return false;
+  const double cell_mm = 1e3 * m.cell_m;
+  if (!(cell_mm >= kMinCell_mm && cell_mm <= kMaxCell_mm)) return false;
   if (!m.up.isZero() && !(std::abs(m.up.norm() - 1.0) < 1e-6)) return false;
   for (const MapletKeyframe& k : m.keyframes) {
     const Se3& T = k.T_maplet_camera.se3;
@@ -46,6 +48,7 @@ bool writable(const Maplet& m) noexcept {
     if (!(std::abs(p.plane.d) <= kMaxDistance_m)) return false;
     if (!(p.centre.cwiseAbs().maxCoeff() <= kMaxDistance_m)) return false;
     if (!(std::abs(p.plane.n.norm() - 1.0) < 1e-6) || !p.covariance.allFinite()) return false;
+    if (!(p.covariance.diagonal().minCoeff() >= 0.0)) return false;
   }
   return true;
 }

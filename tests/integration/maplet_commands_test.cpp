@@ -236,7 +236,14 @@ TEST_F(MapletCommands, MatchWantsFoldersWithMaplets) {
   const Finished none = run({"mapletctl", "match", empty.string(), empty.string()});
   EXPECT_EQ(none.exit_code, 1);
   EXPECT_THAT(none.err, HasSubstr("holds no maplets"));
-  EXPECT_EQ(run({"mapletctl", "match", "/no/such/folder", empty.string()}).exit_code, 2);
+  for (const char* command : {"match", "export"}) {
+    std::vector<std::string> words{"mapletctl", command, "/no/such/folder"};
+    if (words[1] == "match") words.push_back(empty.string());
+    if (words[1] == "export") words.insert(words.end(), {"--ply", (empty / "x.ply").string()});
+    const Finished missing = run(words);
+    EXPECT_EQ(missing.exit_code, 1) << command;
+    EXPECT_THAT(missing.err, HasSubstr("/no/such/folder: No such file or directory")) << command;
+  }
 }
 
 }  // namespace

@@ -69,6 +69,12 @@ TEST_F(Planar, ATiltedCameraMovesInTheFloorsPlaneAndAutoFindsIt) {
   ASSERT_GE(delta_poses(dir_ / "out").size(), 1U);
   const json report = report_of(dir_ / "out");
   EXPECT_EQ(report["tracking"]["lost"], 0);
+  EXPECT_EQ(report["tracking"]["off_plane"], 0);
+}
+
+TEST_F(Planar, SaysHowOftenTheCameraWasOffThePlane) {
+  map("sim:loop?seed=3&frames=200&width=320&wobble=0", "[0, -0.9, -0.436]");
+  EXPECT_GT(report_of(dir_ / "out")["tracking"]["off_plane"], 20);
 }
 
 TEST_F(Planar, MotionIsOneOfTwoWords) {

@@ -79,16 +79,6 @@ Argument& Argument::one_of(const std::vector<std::string>& values) {
   return *this;
 }
 
-Argument& Argument::existing_path() {
-  option_->check(CLI::ExistingPath);
-  return *this;
-}
-
-Argument& Argument::existing_folder() {
-  option_->check(CLI::ExistingDirectory);
-  return *this;
-}
-
 Argument& Argument::comma_list(int count) {
   option_->delimiter(',');
   if (count > 0) option_->expected(count);

@@ -30,8 +30,6 @@ class Argument {
   Argument& positive();
   Argument& non_negative();
   Argument& one_of(const std::vector<std::string>& values);
-  Argument& existing_path();
-  Argument& existing_folder();
   /// A list in one word, values apart by commas; count 0: any number.
   Argument& comma_list(int count = 0);
   /// One value each time it is named, so that a positional may follow.

@@ -97,6 +97,7 @@ void run(const Options& options) {
   if (options.ply.empty() && options.g2o.empty() && options.tum.empty() && options.maplet.empty()) {
     throw Failure{"export: say what to write: --ply, --g2o, --tum or --maplet FILE", 2};
   }
+  if (!fs::exists(options.input)) throw Failure{options.input + ": No such file or directory"};
   const bool folder = fs::is_directory(options.input);
   if (!options.maplet.empty()) {
     if (folder) throw Failure{"export --maplet needs one NNNN.maplet, not a folder", 2};
@@ -128,7 +129,6 @@ void add_export(Command app) {
       "export", "Writes a run or a maplet for other programs: meshes, pose graphs, trajectories");
   command.add_option("input", options->input, "Folder of mapletd --out, or NNNN.maplet")
       .required()
-      .existing_path()
       .type_name("DIR|FILE");
   command.add_option("--ply", options->ply, "Coloured quads: what was seen of each plane")
       .type_name("FILE");

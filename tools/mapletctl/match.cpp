@@ -210,14 +210,8 @@ void add_match(Command app) {
   auto options = std::make_shared<Options>();
   const Command command = app.add_command(
       "match", "Finds places that two runs have in common, nothing known about how they lie");
-  command.add_option("a", options->a, "Folder of mapletd --out")
-      .required()
-      .existing_folder()
-      .type_name("DIR_A");
-  command.add_option("b", options->b, "Folder of mapletd --out")
-      .required()
-      .existing_folder()
-      .type_name("DIR_B");
+  command.add_option("a", options->a, "Folder of mapletd --out").required().type_name("DIR_A");
+  command.add_option("b", options->b, "Folder of mapletd --out").required().type_name("DIR_B");
   command.add_flag("--json", options->json, "A line of JSON for each verified pair");
   command.run([options] { run(*options); });
 }

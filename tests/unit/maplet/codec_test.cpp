@@ -218,6 +218,14 @@ TEST(Codec, RefusesWhatItCannotWrite) {
   EXPECT_EQ(encode(*room, out).error().code, ErrorCode::kBadInput);
   room->planes[2].plane.d = std::nan("");
   EXPECT_EQ(encode(*room, out).error().code, ErrorCode::kBadInput);
+  room = room_maplet();
+  room->planes[2].covariance(1, 1) = -1e-6;
+  EXPECT_EQ(encode(*room, out).error().code, ErrorCode::kBadInput);
+  for (const double cell_m : {std::nan(""), 0.0, -0.05, 1e9}) {
+    room = room_maplet();
+    room->cell_m = cell_m;
+    EXPECT_EQ(encode(*room, out).error().code, ErrorCode::kBadInput) << cell_m;
+  }
 }
 
 TEST(Codec, EveryCutAndEveryFlippedBitIsNoticed) {
