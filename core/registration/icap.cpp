@@ -265,6 +265,7 @@ void Icap::conclude(const Se3& T, MapletAlignment& out) noexcept {
   out.T_a_b = Transform<MapletA, MapletB>{T};
   const double dof = std::max(1.0, 3.0 * count - known);
   out.chi2_per_dof = sums.chi2 / dof;
+  out.spread = spread_of(pairs, T);
   // Residuals say how large errors are, those of the pairs that hold the answer most of all; a few
   // of them do not say it well.
   const double scale =

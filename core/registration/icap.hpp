@@ -26,6 +26,7 @@ struct MapletAlignment {
   std::uint16_t matches = 0;
   double overlap = 0.0;       ///< area on shared surfaces / area of the smaller maplet, 0..1
   double chi2_per_dof = 0.0;  ///< of the matches, all of them alike
+  double spread = 1.0;        ///< of the middle one of them: spread_of()
   double rms_m = 0.0;         ///< of the matches' offsets
   double worth = 0.0;         ///< of the matches: roots of areas, m, large ones alike
   std::uint32_t iterations = 0;

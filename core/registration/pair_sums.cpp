@@ -8,6 +8,9 @@ namespace maplet {
 namespace {
 
 constexpr double kMostLeverage = 2.7;  // of 3: its own residual says nothing then
+constexpr double kMiddleChi2 = 2.37;   // of three numbers
+constexpr double kLeastSpread = 0.1;
+constexpr std::size_t kFewPairs = 5;  // fewer have no middle
 
 // eq. 6: its derivative by xi in T exp(xi).
 Eigen::Matrix<double, 3, 6> jacobian(const PlanePair& pair, const Se3& T) noexcept {
@@ -27,14 +30,27 @@ Eigen::Vector3d residual(const PlanePair& pair, const Se3& T) noexcept {
   return pair.tangent.of(T * pair.b->plane->plane);
 }
 
+double spread_of(std::span<const PlanePair> pairs, const Se3& T) noexcept {
+  if (pairs.size() < kFewPairs) return 1.0;
+  StaticVector<double, kMaxMapletPlanes> all;
+  for (const PlanePair& pair : pairs) {
+    const Eigen::Vector3d r = residual(pair, T);
+    all.push_back(r.dot(pair.weight * r));
+  }
+  const auto middle = all.begin() + static_cast<std::ptrdiff_t>(all.size() / 2);
+  std::nth_element(all.begin(), middle, all.end());
+  return std::clamp(*middle / kMiddleChi2, kLeastSpread, 1.0);
+}
+
 PairSums PairSums::of(std::span<const PlanePair> pairs, const Se3& T) noexcept {
   PairSums sums;
+  const double spread = spread_of(pairs, T);
   const Se3 T_inverse = T.inverse();
   for (const PlanePair& pair : pairs) {
     const Eigen::Vector3d r = residual(pair, T);
     const Eigen::Matrix<double, 3, 6> j = jacobian(pair, T);
     const double chi2 = r.dot(pair.weight * r);
-    const Eigen::Matrix3d w = robust_weight(chi2) * pair.weight;
+    const Eigen::Matrix3d w = robust_weight(chi2 / spread) * pair.weight;
     sums.information += j.transpose() * w * j;
     sums.gradient += j.transpose() * (w * r);
     sums.chi2 += robust_weight(chi2) * chi2;
@@ -61,6 +77,7 @@ void PairSums::restrict_to(const PlanarMotion& planar) noexcept {
 
 Matrix6d leave_one_out(std::span<const PlanePair> pairs, const Se3& T,
                        double free_sigma_m) noexcept {
+  const double spread = spread_of(pairs, T);
   const PairSums all = PairSums::of(pairs, T);
   // About the pivot, so that metres and radians compare; what nothing holds stays.
   const Matrix6d to_b = Se3{Eigen::Quaterniond::Identity(), all.pivot}.adjoint();
@@ -71,7 +88,7 @@ Matrix6d leave_one_out(std::span<const PlanePair> pairs, const Se3& T,
   for (const PlanePair& pair : pairs) {
     const Eigen::Vector3d r = residual(pair, T);
     const Eigen::Matrix<double, 3, 6> j = jacobian(pair, T) * to_b;
-    const Eigen::Matrix3d w = robust_weight(r.dot(pair.weight * r)) * pair.weight;
+    const Eigen::Matrix3d w = robust_weight(r.dot(pair.weight * r) / spread) * pair.weight;
     const Matrix6d without = information - j.transpose() * w * j;
     const Vector6d step = without.ldlt().solve(gradient - j.transpose() * (w * r));
     out += step * step.transpose();
@@ -81,13 +98,14 @@ Matrix6d leave_one_out(std::span<const PlanePair> pairs, const Se3& T,
 
 double leverage_chi2(std::span<const PlanePair> pairs, const Se3& T,
                      const Matrix6d& covariance) noexcept {
+  const double spread = spread_of(pairs, T);
   double sum = 0.0;
   double total = 0.0;
   for (const PlanePair& pair : pairs) {
     const Eigen::Vector3d r = residual(pair, T);
     const Eigen::Matrix<double, 3, 6> j = jacobian(pair, T);
     const double chi2 = r.dot(pair.weight * r);
-    const double robust = robust_weight(chi2);
+    const double robust = robust_weight(chi2 / spread);
     const double leverage =
         std::min(kMostLeverage, (robust * pair.weight * j * covariance * j.transpose()).trace());
     sum += leverage * robust * chi2 / (3.0 - leverage);  // eq. 11a

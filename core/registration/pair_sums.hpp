@@ -19,6 +19,12 @@ namespace maplet {
   return std::min(1.0, (kNu + 3.0) / (kNu + chi2));
 }
 
+/// How large residuals are beside what covariances say: the middle one's chi2, kLeast..1. What is
+/// far off the others counts less, also where all of them are better than expected. eq. 6a
+///
+/// Time   O(pairs)
+[[nodiscard]] double spread_of(std::span<const PlanePair> pairs, const Se3& T) noexcept;
+
 /// What pairs of planes say about a step xi in T exp(xi), all together.
 ///
 /// Math   docs/math/icap.md, eq. 5-9
@@ -27,7 +33,7 @@ struct PairSums {
   Matrix6d spurious = Matrix6d::Zero();
   Vector6d gradient = Vector6d::Zero();
   Eigen::Vector3d pivot = Eigen::Vector3d::Zero();  ///< among the pairs, b's frame
-  double chi2 = 0.0;
+  double chi2 = 0.0;                                ///< beside what covariances say
   double squares_m2 = 0.0;
 
   [[nodiscard]] static PairSums of(std::span<const PlanePair> pairs, const Se3& T) noexcept;

@@ -42,8 +42,10 @@ bool differ(const MapletAlignment& x, const Se3& y) noexcept {
 }  // namespace
 
 bool known_closely(const MapletAlignment& found, const RegistrationConfig& config) noexcept {
-  return std::sqrt(found.covariance.topLeftCorner<3, 3>().trace()) <= config.accept_sigma_m &&
-         std::sqrt(found.covariance.bottomRightCorner<3, 3>().trace()) <= config.accept_sigma_rad;
+  const double tail = std::max(1.0, found.chi2_per_dof / found.spread);
+  const double m2 = tail * found.covariance.topLeftCorner<3, 3>().trace();
+  const double rad2 = tail * found.covariance.bottomRightCorner<3, 3>().trace();
+  return std::sqrt(m2) <= config.accept_sigma_m && std::sqrt(rad2) <= config.accept_sigma_rad;
 }
 
 Judgement judge_alignment(const MapletAlignment& found, const Evidence& evidence, Prior prior,

@@ -49,7 +49,9 @@ enum class Prior : std::uint8_t {
 inline constexpr Judgement kNotClosely{Verdict::kUndecided,
                                        "the planes agree, but not on one place closely"};
 
-/// Whether its covariance is within what a closure without a prior may have.
+/// Whether its covariance is within what a closure without a prior may have, were the planes that
+/// fit worse than the middle one counted in full: where most agree and some do not, it is
+/// elsewhere.
 [[nodiscard]] bool known_closely(const MapletAlignment& alignment,
                                  const RegistrationConfig& config) noexcept;
 

@@ -163,6 +163,7 @@ void print_pair(const Side& a, const Side& b, const PlaceHypothesis& h, bool jso
                     {"covariance", covariance},
                     {"overlap", h.alignment.overlap},
                     {"matches", h.alignment.matches},
+                    {"chi2_per_dof", h.alignment.chi2_per_dof},
                     {"conflict", h.evidence.contradiction()},
                     {"agreed_m", h.evidence.agreed}};
     fmt::print("{}\n", line.dump());

@@ -217,6 +217,18 @@ TEST(Icap, AGuessTurnedOntoOtherAxesIsPutRight) {
   }
 }
 
+// What two centimetres are is told by the others, not by what real walls may be off by.
+TEST(Icap, AWallThatMovedCountsLessThanThoseThatFit) {
+  auto moved = test::room();
+  moved[2].centre.x() += 0.02;
+  Views v = two_views_of(test::room());
+  test::fill(*v.b, moved, test::camera_at({2.8, 2.2, 1.25}, 0.7));
+  const auto out = align(v, perturbed(v.T_a_b));
+  ASSERT_TRUE(out);
+  EXPECT_EQ(out->matches, moved.size());
+  expect_near(out->T_a_b.se3, v.T_a_b, 0.003, 0.001);
+}
+
 TEST(Icap, OneWallFixesThreeAxes) {
   const std::vector<test::Wall> one{{{3, 2.5, 1.3}, {0, 0, 1.3}, {0, 2.5, 0}}};
   const Views v = two_views_of(one);

@@ -144,6 +144,13 @@ TEST(Judgement, WithoutAPriorItMustBeKnownClosely) {
   found.covariance(1, 1) = std::numeric_limits<double>::quiet_NaN();
   EXPECT_EQ(verdict(found, Prior::kNone), Verdict::kUndecided);
   found = good_alignment();
+  found.covariance = 5e-5 * Matrix6d::Identity();
+  found.chi2_per_dof = 1.0;
+  EXPECT_EQ(verdict(found, Prior::kNone), Verdict::kAccept);
+  found.spread = 0.1;  // most planes agree, some do not
+  EXPECT_EQ(verdict(found, Prior::kNone), Verdict::kUndecided);
+  EXPECT_EQ(verdict(found, Prior::kGuess), Verdict::kAccept);
+  found = good_alignment();
   found.overlap = 0.25;
   EXPECT_EQ(verdict(found, Prior::kNone), Verdict::kAccept);
   found.overlap = 0.15;
