@@ -3,6 +3,7 @@
 
 #include <cstdint>
 
+#include "core/skeleton/block_kernels.hpp"
 #include "core/skeleton/graph.hpp"
 #include "core/skeleton/measure.hpp"
 
@@ -27,13 +28,15 @@ template <class Space>
 [[nodiscard]] typename Space::Tangent weigh(const Factor<Space>& f,
                                             const typename Space::Tangent& e) noexcept {
   typename Space::Tangent out = Space::Tangent::Zero();
-  int k = 0;
+#pragma GCC unroll 6
   for (int r = 0; r < Space::kDim; ++r) {
-    for (int c = 0; c < r; ++c, ++k) {
-      out[r] += f.information[k] * e[c];
-      out[c] += f.information[k] * e[r];
+    const int row = r * (r + 1) / 2;
+#pragma GCC unroll 6
+    for (int c = 0; c < r; ++c) {
+      out[r] += f.information[row + c] * e[c];
+      out[c] += f.information[row + c] * e[r];
     }
-    out[r] += f.information[k++] * e[r];
+    out[r] += f.information[row + r] * e[r];
   }
   return out;
 }
@@ -52,11 +55,26 @@ template <class Space>
     h.aa.noalias() = by_b.transpose() * (info * by_b).eval();
     return h;
   }
-  const typename Space::Block wa = info * by_a;
-  const typename Space::Block wb = info * by_b;
-  h.aa.noalias() = by_a.transpose() * wa;
-  h.ba.noalias() = by_b.transpose() * wa;
-  h.bb.noalias() = by_b.transpose() * wb;
+  if constexpr (Space::kDim == 6) {  // with the elimination's kernels: c += a b^T
+    typename Space::Block wa = Space::Block::Zero();
+    typename Space::Block wb = Space::Block::Zero();
+    h.aa.setZero();
+    h.ba.setZero();
+    h.bb.setZero();
+    by_a.transposeInPlace();
+    by_b.transposeInPlace();
+    block::add_product<6>(wa.data(), by_a.data(), info.data());
+    block::add_product<6>(wb.data(), by_b.data(), info.data());
+    block::add_product<6>(h.aa.data(), wa.data(), by_a.data());
+    block::add_product<6>(h.ba.data(), wb.data(), by_a.data());
+    block::add_product<6>(h.bb.data(), wb.data(), by_b.data());
+  } else {
+    const typename Space::Block wa = info * by_a;
+    const typename Space::Block wb = info * by_b;
+    h.aa.noalias() = by_a.transpose() * wa;
+    h.ba.noalias() = by_b.transpose() * wa;
+    h.bb.noalias() = by_b.transpose() * wb;
+  }
   return h;
 }
 

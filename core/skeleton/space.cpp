@@ -121,10 +121,38 @@ Vector6d SpatialSpace::error(const Se3& z, const Se3& rel) noexcept {
   return e;
 }
 
+namespace {
+
+// Below this angle^2 the inverse right Jacobian is 1 + ad/2 + ad^2/12: what follows is 1e-11 of it.
+constexpr double kSmall = 1e-4;
+
+}  // namespace
+
 void SpatialSpace::jacobians(const Se3& /*z*/, const Se3& rel, const Vector6d& e, Matrix6d& by_a,
                              Matrix6d& by_b) noexcept {
-  by_b = right_jacobian_inverse(e);
-  by_a.noalias() = -by_b * rel.inverse().adjoint();
+  const Eigen::Vector3d rho = e.head<3>();
+  const Eigen::Vector3d theta = e.tail<3>();
+  if (theta.squaredNorm() < kSmall) {
+    Eigen::Matrix3d k = 0.5 * skew(theta);
+    k.noalias() += theta * (theta / 12.0).transpose();
+    k.diagonal().array() += 1.0 - theta.squaredNorm() / 12.0;
+    Eigen::Matrix3d right = 0.5 * skew(rho);
+    right.noalias() += rho * (theta / 12.0).transpose();
+    right.noalias() += theta * (rho / 12.0).transpose();
+    right.diagonal().array() -= theta.dot(rho) / 6.0;
+    by_b.topLeftCorner<3, 3>() = by_b.bottomRightCorner<3, 3>() = k;
+    by_b.topRightCorner<3, 3>() = right;
+    by_b.bottomLeftCorner<3, 3>().setZero();
+  } else {
+    by_b = right_jacobian_inverse(e);
+  }
+  // by_a = -by_b Ad(rel^-1), with Ad(rel^-1) = [R^T, -R^T [t]x; 0, R^T].
+  const Eigen::Matrix3d back = rel.rotation().transpose();
+  const Eigen::Matrix3d turn = -(by_b.topLeftCorner<3, 3>() * back);
+  by_a.topLeftCorner<3, 3>() = by_a.bottomRightCorner<3, 3>() = turn;
+  by_a.topRightCorner<3, 3>().noalias() = -turn * skew(rel.t);
+  by_a.topRightCorner<3, 3>().noalias() -= by_b.topRightCorner<3, 3>() * back;
+  by_a.bottomLeftCorner<3, 3>().setZero();
 }
 
 namespace {
@@ -137,6 +165,8 @@ struct InverseRightJacobian {
   explicit InverseRightJacobian(const Vector6d& xi) noexcept : r{-xi.head<3>()}, p{-xi.tail<3>()} {
     const double a2 = p.squaredNorm();
     k2 = inverse_jacobian_coefficient(a2);
+    small = a2 < kSmall;
+    if (small) return;
     if (a2 < 0.01) {
       c1 = 1.0 / 6.0 - a2 * (1.0 / 120.0 - a2 * (1.0 / 5040.0 - a2 / 362880.0));
       c2 = 1.0 / 24.0 - a2 * (1.0 / 720.0 - a2 * (1.0 / 40320.0 - a2 / 3628800.0));
@@ -149,6 +179,12 @@ struct InverseRightJacobian {
     c1 = (a - s) / (a2 * a);
     c2 = (a2 + 2.0 * c - 2.0) / (2.0 * a2 * a2);
     c3 = (2.0 * a - 3.0 * s + a * c) / (2.0 * a2 * a2 * a);
+  }
+  /// -K Q K x; transposed with sign = -1. kx: k(x, sign)
+  [[nodiscard]] Vector3 right(const Vector3& x, const Vector3& kx, double sign) const noexcept {
+    if (!small) return -k(q(kx, sign), sign);
+    const Vector3 rx = r.cross(x);
+    return -0.5 * sign * rx + (p.cross(rx) + r.cross(p.cross(x))) / 12.0;
   }
   /// K x; transposed with sign = -1.
   [[nodiscard]] Vector3 k(const Vector3& x, double sign) const noexcept {
@@ -170,6 +206,7 @@ struct InverseRightJacobian {
   }
 
   Vector3 r, p;
+  bool small;
   double k2, c1, c2, c3;
 };
 
@@ -178,8 +215,9 @@ struct InverseRightJacobian {
 void SpatialSpace::pull_back(const Se3& /*z*/, const Se3& rel, const Vector6d& e, const Vector6d& v,
                              Vector6d& grad_a, Vector6d& grad_b) noexcept {
   const InverseRightJacobian j{e};
-  const Eigen::Vector3d f = j.k(v.head<3>(), -1.0);
-  const Eigen::Vector3d m = j.k(v.tail<3>() - j.q(f, -1.0), -1.0);
+  const Eigen::Vector3d force = v.head<3>();
+  const Eigen::Vector3d f = j.k(force, -1.0);
+  const Eigen::Vector3d m = j.k(v.tail<3>(), -1.0) + j.right(force, f, -1.0);
   grad_b << f, m;
   // grad_a = -Ad(rel^-1)^T grad_b, with Ad(rel^-1) = [R^T, -R^T [t]x; 0, R^T].
   const Eigen::Matrix3d rotation = rel.rotation();
@@ -197,7 +235,7 @@ Vector6d SpatialSpace::push_forward(const Se3& /*z*/, const Se3& rel, const Vect
   const InverseRightJacobian j{e};
   const Eigen::Vector3d turned = j.k(theta, 1.0);
   Vector6d out;
-  out << j.k(rho - j.q(turned, 1.0), 1.0), turned;
+  out << j.k(rho, 1.0) + j.right(theta, turned, 1.0), turned;
   return out;
 }
 
