@@ -273,7 +273,7 @@ bool Condenser<Space>::make_room(int nodes, int factors) noexcept {
   }
   const int wanted = g.node_count() + nodes - g.max_nodes();
   if (wanted <= 0) return has_room(nodes, factors);
-  const int batch = std::max(wanted, g.max_nodes() / 16);
+  const int batch = std::max(wanted, g.max_nodes() / 64);
   for (int k = 0; k < batch && gone_count_ < static_cast<int>(gone_.size()); ++k) {
     if (g.factor_count() + kMostNeighbours > g.max_factors()) break;
     const int node = least_informative();
