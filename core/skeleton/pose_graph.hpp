@@ -175,7 +175,6 @@ class PoseGraph {
   void hang_anew() noexcept;
   void relax(int node) noexcept;
   [[nodiscard]] double tolerance(bool idle) const noexcept;
-  void relinearise() noexcept;
   [[nodiscard]] bool any_stale() const noexcept;
   [[nodiscard]] bool due(bool idle) const noexcept;
 
@@ -203,7 +202,6 @@ class PoseGraph {
   double pending_ = 0.0;  ///< chi2 of factors that wait for elimination
   bool new_input_ = false;
   bool fresh_job_ = false;  ///< the job under way linearises everything
-  int misled_ = 0;          ///< steps that gained too little, since the last convergence
   bool flushing_ = false;
   bool by_seniority_ = false;
   Model relaxed_ = Model::kExact;  ///< of a new start under way

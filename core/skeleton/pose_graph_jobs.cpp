@@ -35,7 +35,7 @@ void PoseGraph<Space>::order_by_seniority(bool on) noexcept {
   if (!on) return;
   if (elimination_.busy()) elimination_.abandon();
   for (int k = 0; k < job_count_; ++k) graph_.factor(job_[k]).state.in_job = false;
-  job_count_ = misled_ = 0;
+  job_count_ = 0;
   drop_columns();
   stepper_.take_stale([](int) {});
   stepper_.forget_step();

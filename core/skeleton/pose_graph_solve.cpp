@@ -16,23 +16,6 @@ double PoseGraph<Space>::tolerance(bool idle) const noexcept {
               : std::max(policy_.step_share * stepper_.chi2(), policy_.step_gain);
 }
 
-// The last step gained far less than the factor at hand promised: what is stale in it goes into the
-// next job; where that is much of everything, all of it does.
-template <class Space>
-void PoseGraph<Space>::relinearise() noexcept {
-  constexpr double kShare = 0.2;  // of the stalest
-  const auto staleness = [&](const Factor<Space>& f) {
-    if (!f.state.active || !f.state.integrated) return 0.0;
-    return Space::staleness(relative_pose(graph_, f), f.rel_lin);
-  };
-  double most = 1e-4;
-  for (int i = 0; i < graph_.factor_end(); ++i) most = std::max(most, staleness(graph_.factor(i)));
-  for (int i = 0; i < graph_.factor_end(); ++i)
-    if (staleness(graph_.factor(i)) > kShare * most) mark_dirty(i);
-  refresh_ = dirty_count_ > graph_.factor_count() / 4 || dirty_count_ == 0;
-  pending_ = std::max(pending_, policy_.defer_share * stepper_.chi2());
-}
-
 template <class Space>
 bool PoseGraph<Space>::any_stale() const noexcept {
   constexpr double kStale = 1e-3;
@@ -120,19 +103,15 @@ SolveReport PoseGraph<Space>::update(Deadline deadline, int max_iterations) noex
       ++report.iterations;
       settled_ = false;
       if (idle && any_stale()) refresh_ = job_first_ = true;
-      // A step that gains little leaves much less behind: looking at it can wait.
-      wants_step_ = idle || stepper_.predicted() > 3.0 * tolerance(false);
+      wants_step_ = true;
     } else if (result == Step::kStale) {
       stepper_.take_stale([&](int f) { mark_dirty(f); });
       pending_ = std::max(pending_, policy_.defer_share * stepper_.chi2());
       job_first_ = true;
     } else if (result == Step::kMisled) {
-      relinearise();
-      refresh_ = refresh_ || ++misled_ > 1;
-      job_first_ = true;
+      refresh_ = job_first_ = true;
     } else {
       wants_step_ = false;
-      misled_ = 0;
       settled_ = settled_ || idle;
     }
   }
@@ -219,7 +198,6 @@ SolveReport PoseGraph<Space>::optimise(Deadline deadline, int max_iterations) no
 
 #define MAPLET_INSTANTIATE(Space)                                        \
   template double PoseGraph<Space>::tolerance(bool) const noexcept;      \
-  template void PoseGraph<Space>::relinearise() noexcept;                \
   template bool PoseGraph<Space>::any_stale() const noexcept;            \
   template bool PoseGraph<Space>::due(bool) const noexcept;              \
   template bool PoseGraph<Space>::flush(Deadline) noexcept;              \

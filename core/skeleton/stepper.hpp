@@ -33,7 +33,7 @@ class Stepper {
     kDeadline,   ///< in the middle; call again
     kMoved,      ///< a step was made
     kConverged,  ///< no step gains more than the tolerance
-    kStale,      ///< the last step was poor: relinearise(), eliminate, call again
+    kStale,      ///< the last step was poor: take_stale(), eliminate, call again
     kMisled,     ///< it gained far less than promised: what is stale must be linearised anew
     kStuck,      ///< no step along the direction gains anything
   };
