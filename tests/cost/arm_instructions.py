@@ -83,7 +83,8 @@ def machine_of(program):
 
 
 def mission(build, folder, out, config):
-    command = [build / "bin/mapletd", "--source", f"tum:{folder}", "--no-dds", "--out", out]
+    command = [build / "bin/mapletd", "--source", f"tum:{folder}", "--no-dds", "--out", out,
+               "--set", "control.socket=none"]
     return command + (["--config", config] if config else [])
 
 
