@@ -64,8 +64,13 @@ Look look(const Maplet& m, const Eigen::Vector3d& camera, const Eigen::Vector3d&
 }
 
 // How `seen`'s planes fare in the eyes of `by`.
-void weigh(const Maplet& seen, const Maplet& by, const Se3& T_by_seen, Evidence& out) noexcept {
+void weigh(const Maplet& seen, const Maplet& by, const Se3& T_by_seen, Deadline deadline,
+           Evidence& out) noexcept {
   for (const MapletPlane& plane : seen.planes) {
+    if (deadline.expired()) {
+      out.complete = false;
+      return;
+    }
     const CellGrid& grid = plane.grid;
     if (grid.occupied == 0) continue;
     const PlaneBasis basis = plane.basis();
@@ -102,10 +107,11 @@ void weigh(const Maplet& seen, const Maplet& by, const Se3& T_by_seen, Evidence&
 
 }  // namespace
 
-Evidence weigh_evidence(const Maplet& a, const Maplet& b, const Se3& T_a_b) noexcept {
+Evidence weigh_evidence(const Maplet& a, const Maplet& b, const Se3& T_a_b,
+                        Deadline deadline) noexcept {
   Evidence out;
-  weigh(b, a, T_a_b, out);
-  weigh(a, b, T_a_b.inverse(), out);
+  weigh(b, a, T_a_b, deadline, out);
+  weigh(a, b, T_a_b.inverse(), deadline, out);
   return out;
 }
 

@@ -1,6 +1,7 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "core/base/deadline.hpp"
 #include "core/geometry/se3.hpp"
 #include "core/maplet/maplet.hpp"
 
@@ -13,6 +14,7 @@ struct Evidence {
   double contradicted = 0.0;  ///< the other one looked through where it should be
   /// The same, of planes that are no wall or floor: smaller than kSmall_m2.
   double small_agreed = 0.0;
+  bool complete = true;  ///< false: the deadline came first, the rest says nothing
 
   static constexpr double kSmall_m2 = 1.0;
   static constexpr double kContradictionCosts = 2.0;  ///< times what agreement brings
@@ -30,8 +32,9 @@ struct Evidence {
 /// Casts rays from the keyframes of each maplet to samples of the other's planes: does it have the
 /// surface there, something in front of it, or only something behind it?
 ///
-/// Time   O(planes_a * planes_b): 0.2 to 2 ms
+/// Time   O(planes_a * planes_b): 0.2 to 2 ms; looks at the deadline for each plane
 /// Math   docs/math/icap.md, section 6
-[[nodiscard]] Evidence weigh_evidence(const Maplet& a, const Maplet& b, const Se3& T_a_b) noexcept;
+[[nodiscard]] Evidence weigh_evidence(const Maplet& a, const Maplet& b, const Se3& T_a_b,
+                                      Deadline deadline) noexcept;
 
 }  // namespace maplet

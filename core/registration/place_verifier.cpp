@@ -63,7 +63,8 @@ Stop PlaceVerifier::add(const Maplet& a, const Maplet& b, const PlaceCompare::Gu
     h.stamp_b = b.stamp;
     h.alignment = *found;
     h.doubt = icap_->doubt(h.alignment);
-    h.evidence = weigh_evidence(a, b, found->T_a_b.se3);
+    h.evidence = weigh_evidence(a, b, found->T_a_b.se3, deadline);
+    in_time = in_time && h.evidence.complete;
     h.value = h.evidence.value();
     if (mine.size() < kPerPair) {
       hypotheses_[count_++] = h;

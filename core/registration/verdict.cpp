@@ -120,7 +120,11 @@ void Verifier::judge(const Maplet& a, const Maplet& b, Closure& closure, double 
     return;
   }
   for (int round = 0;; ++round) {
-    const Evidence evidence = weigh_evidence(a, b, closure.alignment.T_a_b.se3);
+    const Evidence evidence = weigh_evidence(a, b, closure.alignment.T_a_b.se3, deadline);
+    if (!evidence.complete) {
+      out = kNoTime;
+      return;
+    }
     closure.conflict = evidence.contradiction();
     out = judge_alignment(closure.alignment, evidence, prior, config_);
     const Rivals rivals =
@@ -164,9 +168,13 @@ Verifier::Rivals Verifier::look_beside(const Maplet& a, const Maplet& b,
           same(best.T_a_b.se3, other->T_a_b.se3)) {
         continue;
       }
-      const double found = weigh_evidence(a, b, other->T_a_b.se3).value();
-      if (found <= most) continue;
-      most = found;
+      const Evidence found = weigh_evidence(a, b, other->T_a_b.se3, deadline);
+      if (!found.complete) {
+        out.in_time = false;
+        return out;
+      }
+      if (found.value() <= most) continue;
+      most = found.value();
       out.better = *other;
     }
   }

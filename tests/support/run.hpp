@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/patience.hpp"
 #include "tests/support/process.hpp"
 
 namespace maplet::test {
@@ -19,6 +20,8 @@ inline Finished map_it(const std::string& source, const std::filesystem::path& o
                        std::chrono::seconds limit = std::chrono::seconds{300}) {
   std::vector<std::string> command{"mapletd", "--source",   source,
                                    "--out",   out.string(), "--no-dds"};
+  if (patience() > 1)  // a frame's budget is a wall clock's limit, too
+    command.insert(command.end(), {"--set", "frame.budget_us=1000000"});
   command.insert(command.end(), more.begin(), more.end());
   return run(command, limit);
 }

@@ -108,10 +108,10 @@ TEST(Evidence, WallInTheWayIsNoticed) {
   const auto room = view(test::room(), T);
   auto walls = test::room();
   walls.push_back({{3.0, 2.5, 1.3}, {0, 0, 1.3}, {0, 2.5, 0}});
-  const Evidence same = weigh_evidence(*room, *room, {});
+  const Evidence same = weigh_evidence(*room, *room, {}, Deadline::never());
   EXPECT_EQ(same.contradicted, 0.0);
   EXPECT_GT(same.agreed, 1.0);
-  const Evidence other = weigh_evidence(*room, *view(walls, T), {});
+  const Evidence other = weigh_evidence(*room, *view(walls, T), {}, Deadline::never());
   EXPECT_GT(other.contradicted, 0.1);  // a ninth of it is in the one camera's view
 }
 
