@@ -44,7 +44,7 @@ int factor_blocks(int nodes, std::span<const std::pair<int, int>> edges) {
 
 namespace {
 
-int blocks_wanted(const GraphFile& file, std::span<const Item> items) {
+int blocks_wanted(const GraphFile& file, std::span<const Item> items, bool in_time) {
   std::unordered_map<std::uint64_t, int> index;
   std::vector<std::pair<int, int>> pairs;
   const auto of = [&](std::uint64_t id) {
@@ -54,17 +54,18 @@ int blocks_wanted(const GraphFile& file, std::span<const Item> items) {
     pairs.emplace_back(of(file.edges[item.edge].a), of(file.edges[item.edge].b));
   const int fill = factor_blocks(static_cast<int>(index.size()), pairs);
   // The old factor and a new one beside it; in space, where blocks are most of the memory, a new
-  // one of everything first throws the old one out.
-  return (file.planar ? 9 * fill : 7 * fill) / 4 + 1024;
+  // one of everything first throws the old one out, unless that has to serve meanwhile.
+  return (file.planar || in_time ? 9 * fill : 7 * fill) / 4 + 1024;
 }
 
 }  // namespace
 
 PoseGraphLimits limits_for(const GraphFile& file, std::span<const Item> items, std::size_t nodes,
-                           int max_nodes) {
+                           int max_nodes, bool in_time) {
   const int all = std::max<int>(2, static_cast<int>(nodes));
   const int factors = std::max<int>(1, static_cast<int>(items.size()));
-  if (max_nodes == 0 || max_nodes >= all) return {all, factors, blocks_wanted(file, items)};
+  if (max_nodes == 0 || max_nodes >= all)
+    return {all, factors, blocks_wanted(file, items, in_time)};
   PoseGraphLimits limits;
   limits.max_nodes = std::max(kLeastNodes, max_nodes);
   // The file's own share of factors, and what a batch of contractions needs for a while.

@@ -18,7 +18,8 @@ inline constexpr int kLeastNodes = 16;
 
 /// What the engine needs for a file: room for all of it, the old factor and the new one with some
 /// fill to spare; or, with max_nodes > 0, for that many and their share of the factors.
+/// @param in_time  updates have a budget of time: a factor is made anew over several of them
 [[nodiscard]] PoseGraphLimits limits_for(const GraphFile& file, std::span<const Item> items,
-                                         std::size_t nodes, int max_nodes);
+                                         std::size_t nodes, int max_nodes, bool in_time);
 
 }  // namespace maplet::graphs

@@ -65,7 +65,9 @@ class Run {
     if (options.max_nodes > 0) policy.defer_share = kShareWhenFull;
     // A time that is given is the limit: the work that is the limit without it takes half of 2 ms.
     if (options.budget_us > 0.0) policy.work_per_update = kWorkInTime;
-    solver_.emplace(limits_for(file, order_, order.nodes, options.max_nodes), *arena_, policy);
+    solver_.emplace(
+        limits_for(file, order_, order.nodes, options.max_nodes, options.budget_us > 0.0), *arena_,
+        policy);
     table_.emplace(*solver_, order.nodes);
     if (options.max_nodes > 0) table_->limit(*arena_);
     if (options.robust) closures_.emplace(*solver_, file, *arena_);
