@@ -107,16 +107,25 @@ Expected<MapletAlignment> Icap::align(const Maplet& a, const Maplet& b,
     gate_rad = std::min(gate_rad, kVotesGate_rad);
   }
   if (planar_) T = planar_->project(T);
-  if (!settle(T, planar_ ? T : guess.se3, gate_m, gate_rad, deadline, out)) {
+  const Se3 held = planar_ ? T : guess.se3;  // where the pairs leave an axis free
+  if (!settle(T, held, gate_m, gate_rad, deadline, out)) {
     return fail(ErrorCode::kNoOverlap, "too few planes in common");
   }
   conclude(T, out);
-  if (wide && out.stop != Stop::kDeadline && slide(out, reach_m, T, deadline)) {
+  if (wide && out.stop != Stop::kDeadline && !out.free_axes.empty()) {
     MapletAlignment slid;
     slid.iterations = out.iterations;
-    if (settle(T, Se3{T}, gate_m = kSlideGate_m, gate_rad = kLeastGate_rad, deadline, slid)) {
+    double slid_m = kSlideGate_m;
+    double slid_rad = kLeastGate_rad;
+    if (slide(out, reach_m, T, deadline) && settle(T, Se3{T}, slid_m, slid_rad, deadline, slid)) {
       conclude(T, slid);
-      if (slid.worth > out.worth) out = slid;
+    }
+    if (slid.worth > out.worth) {
+      out = slid;
+      gate_m = slid_m;
+      gate_rad = slid_rad;
+    } else {  // pairs() are the answer's
+      pairs_.match(out.T_a_b.se3, kLeastGate_m, kLeastGate_rad, config_);
     }
   }
   if (out.stop == Stop::kDeadline) {  // what is within the gates may still be the answer, eq. 11d
