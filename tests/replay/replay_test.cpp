@@ -8,7 +8,6 @@
 #include <set>
 #include <sstream>
 
-#include "tests/support/patience.hpp"
 #include "tests/support/recordings.hpp"
 #include "tests/support/run.hpp"
 #include "tests/support/temp_dir.hpp"
@@ -66,9 +65,7 @@ TEST(Replay, AnotherSeedIsAnotherRun) {
 
 TEST(Replay, SimulatedLoopStaysWithinOnePercent) {
   const TempDir dir;
-  // Under an emulator the same way with fewer frames.
-  const std::string world =
-      std::string{"sim:loop?seed=11&width=320&rate_hz="} + (patience() > 1 ? "15" : "30");
+  const std::string world = "sim:loop?seed=11&width=320&rate_hz=30";
   ASSERT_EQ(run({"mapletctl", "simulate", world, "--out", (dir / "truth").string(), "--truth-only"},
                 std::chrono::seconds{300})
                 .exit_code,
