@@ -73,7 +73,8 @@ class Member final : private RecordTaker {
   [[nodiscard]] float wish(const MapletKey&, float) noexcept override { return -1.0F; }
 
   LinkProfile profile_;
-  Arena arena_;
+  // Many in one process: a 32-bit one has addresses for fifty such.
+  Arena arena_{sizeof(void*) == 8 ? std::uint64_t{1} << 32 : std::uint64_t{1} << 25};
   ExchangeNode node_;
   ByteBudget budget_;
   std::optional<Arena> skeleton_arena_;

@@ -54,7 +54,6 @@ TEST(Swarm, TheSameSeedIsTheSameSwarm) {
 
 // Fifty agents meet two by two: beside its records a meeting needs little.
 TEST(Swarm, ManyAgentsSayLittleMoreThanTheirRecords) {
-  if (sizeof(void*) == 4) GTEST_SKIP() << "each agent's arena takes 256 MiB of addresses";
   SwarmConfig config = small();
   config.agents = 50;
   config.solve = 0;
