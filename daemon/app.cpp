@@ -9,6 +9,7 @@
 
 #include "daemon/alloc_counter.hpp"
 #include "daemon/log.hpp"
+#include "daemon/mounting.hpp"
 #include "daemon/progress.hpp"
 #include "daemon/run_setup.hpp"
 #include "daemon/service_notify.hpp"
@@ -25,7 +26,7 @@ using namespace std::chrono_literals;
 AgentConfig agent_config(const Config& config) {
   AgentConfig agent = config.agent;
   agent.planar = config.mission.motion == "planar";
-  agent.up = config.body.up;
+  agent.mounting = mounting_of(config.body);
   return agent;
 }
 
@@ -71,6 +72,7 @@ int App::run() {
   const bool at_once = options_.out.empty() || config_.realtime.required;
   if (at_once && !may_swap()) return kExitFailure;
   if (!open_recorder()) return kExitFailure;
+  if (const std::string doubt = mounting_doubt(config_.body); !doubt.empty()) log_warning(doubt);
   start_ = flight_.now();
   resume_mission();
   if (journal_) journal_->start(radio_.get());
@@ -207,6 +209,7 @@ void App::process(const DepthFrame& frame) {
   listen(1);
   if (pace_ != Pace::kFast) settle(Deadline{flight_, budget_ - (flight_.now() - begin)});
   if (flight_.now() - last_status_ >= std::chrono::seconds{1}) {
+    if (!finite() && !plane_doubted_) say_plane();
     publish_status(governor_.degraded() ? StatusRecord::State::kDegraded
                                         : StatusRecord::State::kRunning);
   }

@@ -133,6 +133,7 @@ class App {
   [[nodiscard]] bool draw();
   [[nodiscard]] bool write_report();
   void say_notable() const;
+  void say_plane();
 
   const Options& options_;
   const Config& config_;
@@ -176,7 +177,8 @@ class App {
   Instant last_news_{};     ///< something entered the skeleton
   Stamp last_stamp_{};
   bool tracking_ = false;
-  FreeAxes free_;  ///< of the newest frame
+  bool plane_doubted_ = false;  ///< and said
+  FreeAxes free_;               ///< of the newest frame
   Fills fills_;
   int timeouts_ = 0;   ///< in a row
   FewLines warnings_;  ///< written by the housekeeping thread

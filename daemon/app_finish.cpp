@@ -10,6 +10,7 @@
 #include "daemon/app.hpp"
 #include "daemon/log.hpp"
 #include "daemon/mapletctl_call.hpp"
+#include "daemon/mounting.hpp"
 #include "daemon/report.hpp"
 
 namespace maplet::daemon {
@@ -88,12 +89,23 @@ void App::say_notable() const {
         "along it is the prediction's, known to {:.2g} m",
         config_.input.source, totals_.partly_free, totals_.processed, totals_.free.sigma_m));
   }
+  if (const Line doubt = plane_doubt(agent_->plane()); !view(doubt).empty()) {
+    log_warning(fmt::format("{}: {}", config_.input.source, view(doubt)));
+  }
   const SourceCounters counted = source_counters();
   if (counted.unreadable + counted.out_of_order == 0) return;
   log_warning(
       fmt::format("{}: {} images could not be read, {} frames were out of order; {} frames "
                   "were read",
                   config_.input.source, counted.unreadable, counted.out_of_order, counted.read));
+}
+
+/// In a run without an end: once.
+void App::say_plane() {
+  const Line doubt = plane_doubt(agent_->plane());
+  if (view(doubt).empty()) return;
+  plane_doubted_ = true;
+  warnings_.say(view(doubt));
 }
 
 bool App::draw() {

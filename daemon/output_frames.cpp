@@ -1,13 +1,12 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #include "daemon/output_frames.hpp"
 
-#include "core/maplet/up_finder.hpp"
+#include "daemon/mounting.hpp"
 
 namespace maplet::daemon {
 
 namespace {
 
-constexpr double kTilted_rad = 0.6;  // as Agent::fix_plane()
 constexpr double kUpright = 1e-3;
 
 /// The turn that takes `up` (unit, body's axes) to z and leaves x ahead.
@@ -41,14 +40,7 @@ OutputFrames::OutputFrames(const Se3& T_body_camera, const Vector3OrAuto& up) no
 void OutputFrames::begin(const PatchSet& first_view) noexcept {
   if (begun_) return;
   begun_ = true;
-  const Eigen::Vector3d expected = T_body_camera_.q.conjugate() * Eigen::Vector3d::UnitZ();
-  Eigen::Vector3d up = expected;
-  if (up_) {
-    up = Eigen::Vector3d{(*up_)[0], (*up_)[1], (*up_)[2]}.normalized();
-  } else if (const Eigen::Vector3d found = up_of(first_view, expected, kTilted_rad);
-             !found.isZero()) {
-    up = found;
-  }
+  const Eigen::Vector3d up = first_up(first_view, mounting_of(T_body_camera_, up_)).up;
   T_out_odom_ = levelled(T_body_camera_.q * up) * T_body_camera_;
   T_map_world_ = T_out_odom_;
 }

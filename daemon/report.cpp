@@ -98,7 +98,11 @@ std::string report_json(const RunTotals& totals, const SourceCounters& source,
   track = {{"keyframes", totals.keyframes}, {"lost", totals.lost}};
   add_tracking(agent.tracking(), track);
   track["partly_free"] = totals.partly_free;
-  if (const auto off = agent.off_plane_frames()) track["off_plane"] = *off;
+  if (const auto plane = agent.plane()) {
+    track["off_plane"] = plane->off;
+    track["plane"] = {{"up", {plane->up.x(), plane->up.y(), plane->up.z()}},
+                      {"from", to_string(plane->from)}};
+  }
   add_free_axes(totals.free, track);
   report["maplets"] = {
       {"count", totals.maplets},

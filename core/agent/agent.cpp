@@ -12,8 +12,6 @@ namespace maplet {
 namespace {
 
 constexpr Duration kOriginsApart = std::chrono::seconds{5};  // that ranges ask for
-constexpr double kOffPlane_m = 0.03;
-constexpr double kOffPlane_rad = 0.03;
 
 Duration share_of(const FrameConfig& frame, double share) noexcept {
   return Duration{static_cast<Duration::rep>(static_cast<double>(frame.budget.count()) * share)};
@@ -45,13 +43,12 @@ Agent::Agent(const AgentConfig& config, AgentIdentity identity, StageMeter& mete
                    config.limits.expected_maplet_bytes(),
                    static_cast<std::size_t>(config.maplet.max_bytes)},
                   arena},
-      planar_wanted_{config.planar},
-      up_{config.up},
       salient_{arena.make<Saliency>("agent/saliency")},
       previous_{arena.make<Maplet>("agent/previous maplet")},
       older_{arena.make<Maplet>("agent/older maplet")} {
   builder_.identify(identity.agent, identity.epoch, 0);
-  builder_.know_up(config.up);
+  builder_.know_up(config.mounting);
+  if (config.planar) plane_.emplace(config.mounting);
   tracker_.look_through(views_);
 }
 
@@ -73,7 +70,7 @@ Step Agent::step(const DepthFrame& full_frame, Deadline deadline) noexcept {
                        [&](Deadline until) { return &extractor_.run(frame, until); });
   step.track = timed(Stage::kOdometry, budget_.odometry, deadline,
                      [&](Deadline until) { return tracker_.run(frame, *step.patches, until); });
-  hold_to_plane(step.track);
+  if (plane_) plane_->hold(step.track);
   newest_frame_ = frame.stamp;
   if (!ranges_.empty()) ranges_.at_frame(frame.stamp, locate(step.track));
   if (!skeleton_.settled())
@@ -87,7 +84,7 @@ Step Agent::step(const DepthFrame& full_frame, Deadline deadline) noexcept {
     builder_.ask_origin();
     origin_asked_.reset();
   }
-  if (planar_wanted_ && !planar_) fix_plane(*step.patches);
+  if (plane_ && !plane_->fixed()) fix_plane(*step.patches);
 
   step.keyframe = &tracker_.make_keyframe(frame, *step.patches, step.track);
   views_.saw(*step.keyframe);
@@ -97,34 +94,13 @@ Step Agent::step(const DepthFrame& full_frame, Deadline deadline) noexcept {
   return step;
 }
 
-// The first keyframe's view says in which plane everything will move.
-void Agent::fix_plane(const PatchSet& patches) noexcept {
-  constexpr double kTilted_rad = 0.6;
-  const Eigen::Vector3d level{0.0, -1.0, 0.0};
-  Eigen::Vector3d up = level;
-  if (up_) {
-    up = Eigen::Vector3d{(*up_)[0], (*up_)[1], (*up_)[2]}.normalized();
-  } else if (const Eigen::Vector3d found = up_of(patches, level, kTilted_rad); !found.isZero()) {
-    up = found;
-  }
-  planar_.emplace(up);
-  builder_.hold_to(*planar_);
-  registrar_.hold_to(*planar_);
-  closures_.hold_to(*planar_);
-}
-
-void Agent::hold_to_plane(Track& track) noexcept {
-  if (!planar_) return;
-  if (track.state == Track::State::kTracking) {
-    const Se3& seen = track.T_keyframe_camera.se3;
-    const Se3 off = planar_->project(seen).inverse() * seen;
-    off_plane_ += off.t.norm() > kOffPlane_m || off.angle() > kOffPlane_rad ? 1 : 0;
-  }
-  const Se3 T_odom_keyframe = track.T_odom_camera.se3 * track.T_keyframe_camera.se3.inverse();
-  const auto held = planar_->condition(track.T_keyframe_camera.se3, track.covariance);
-  track.T_keyframe_camera.se3 = held.T;
-  track.covariance = held.covariance;
-  track.T_odom_camera.se3 = planar_->project(T_odom_keyframe * held.T);
+void Agent::fix_plane(const PatchSet& first_view) noexcept {
+  const PlanarMotion& planar = plane_->fix(first_view);
+  const Eigen::Vector3d& up = planar.up();
+  builder_.know_up({std::array{up.x(), up.y(), up.z()}, up});
+  builder_.hold_to(planar);
+  registrar_.hold_to(planar);
+  closures_.hold_to(planar);
 }
 
 const MapletCut* Agent::finish(Deadline deadline) noexcept {

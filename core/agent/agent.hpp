@@ -10,6 +10,7 @@
 #include "core/agent/map_frame.hpp"
 #include "core/agent/maplet_store.hpp"
 #include "core/agent/maplet_views.hpp"
+#include "core/agent/plane_hold.hpp"
 #include "core/agent/range_keeper.hpp"
 #include "core/base/arena.hpp"
 #include "core/frame/decimator.hpp"
@@ -84,10 +85,9 @@ class Agent {
   [[nodiscard]] float saliency() const noexcept { return saliency_; }
   [[nodiscard]] const MapletCounts& maplet_counts() const noexcept { return builder_.counts(); }
   [[nodiscard]] const RegistrarCounts& link_counts() const noexcept { return registrar_.counts(); }
-  /// Frames that were seen to be off the plane that motion = planar holds them in, by more than
-  /// 3 cm or 1.7 deg since their keyframe; nullopt: motion is free.
-  [[nodiscard]] std::optional<std::uint64_t> off_plane_frames() const noexcept {
-    return planar_wanted_ ? std::optional{off_plane_} : std::nullopt;
+  /// Of motion = planar, once there is a keyframe.
+  [[nodiscard]] std::optional<PlaneHold::Report> plane() const noexcept {
+    return plane_ ? plane_->report() : std::nullopt;
   }
 
   /// Takes in what another agent found out: its delta-pose or closure, as everybody reads it. The
@@ -162,8 +162,7 @@ class Agent {
   void close_loops(const Maplet& newest, Deadline deadline) noexcept;
   void record_and_add(const DeltaPose& delta, Deadline deadline) noexcept;
 
-  void fix_plane(const PatchSet& patches) noexcept;
-  void hold_to_plane(Track& track) noexcept;
+  void fix_plane(const PatchSet& first_view) noexcept;
 
   AgentIdentity identity_;
   MonotonicClock monotonic_;
@@ -183,10 +182,7 @@ class Agent {
   MapletViews views_;
   Encounters encounters_;
   MapFrame map_frame_;
-  bool planar_wanted_;
-  Vector3OrAuto up_;
-  std::optional<PlanarMotion> planar_;  ///< once up is known
-  std::uint64_t off_plane_ = 0;
+  std::optional<PlaneHold> plane_;
   std::optional<Stamp> origin_asked_;
   RangeKeeper ranges_;
   Stamp newest_frame_{};

@@ -6,6 +6,7 @@
 #include "core/frame/image_size.hpp"
 #include "core/limits.hpp"
 #include "core/maplet/config.hpp"
+#include "core/maplet/up_finder.hpp"
 #include "core/odometry/odometry_config.hpp"
 #include "core/patches/patch_config.hpp"
 #include "core/registration/config.hpp"
@@ -62,7 +63,7 @@ struct LimitsConfig {
 struct AgentConfig {
   /// The camera moves in the plane across `up` only.
   bool planar = false;
-  Vector3OrAuto up;  ///< in the first camera's frame
+  Mounting mounting;
   FrameConfig frame;
   DecimatorConfig decimator;
   PatchConfig patches;

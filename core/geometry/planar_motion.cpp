@@ -2,18 +2,43 @@
 #include "core/geometry/planar_motion.hpp"
 
 #include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+
+#include "core/geometry/direction_code.hpp"
 
 namespace maplet {
 
-PlanarMotion::PlanarMotion(const Eigen::Vector3d& up) noexcept
-    : up_{up}, basis_{Basis::Zero()}, out_of_plane_{Matrix6d::Zero()} {
-  Eigen::Index flattest = 0;
-  up.cwiseAbs().minCoeff(&flattest);
-  const Eigen::Vector3d x = up.cross(Eigen::Vector3d::Unit(flattest)).normalized();
-  basis_.col(0).head<3>() = x;
-  basis_.col(1).head<3>() = up.cross(x);
-  basis_.col(2).tail<3>() = up;
-  const Eigen::Matrix3d along = up * up.transpose();
+namespace {
+
+constexpr std::uint32_t kNoDirection = 0x80008000U;  // no direction has this code
+
+PlaneCode code_of(const Eigen::Vector3d& up) noexcept {
+  return PlaneCode{pack_direction(up) ^ kNoDirection};
+}
+
+Eigen::Vector3d up_of(PlaneCode code) noexcept {
+  return unpack_direction(static_cast<std::uint32_t>(code) ^ kNoDirection);
+}
+
+}  // namespace
+
+bool valid(PlaneCode code) noexcept {
+  return code == PlaneCode::kSpace || code_of(up_of(code)) == code;
+}
+
+PlanarMotion::PlanarMotion(const Eigen::Vector3d& up) noexcept : PlanarMotion{code_of(up)} {}
+
+PlanarMotion::PlanarMotion(PlaneCode code) noexcept
+    : up_{up_of(code)}, code_{code}, basis_{Basis::Zero()}, out_of_plane_{Matrix6d::Zero()} {
+  constexpr double kOnItsSide = 0.9;  // a camera whose x is nearly upright: right is z there
+  const Eigen::Vector3d down = -up_;
+  const Eigen::Vector3d ahead = Eigen::Vector3d::Unit(std::abs(down.x()) < kOnItsSide ? 0 : 2);
+  const Eigen::Vector3d right = (ahead - down.dot(ahead) * down).normalized();
+  basis_.col(0).head<3>() = right;
+  basis_.col(1).head<3>() = right.cross(down);
+  basis_.col(2).tail<3>() = down;
+  const Eigen::Matrix3d along = up_ * up_.transpose();
   out_of_plane_.topLeftCorner<3, 3>() = along;
   out_of_plane_.bottomRightCorner<3, 3>() = Eigen::Matrix3d::Identity() - along;
 }
@@ -28,6 +53,17 @@ Se3 PlanarMotion::project(const Se3& T) const noexcept {
   return out;
 }
 
+Eigen::Vector3d PlanarMotion::coordinates(const Se3& T) const noexcept {
+  const Vector6d tangent = Se3{T.q, Eigen::Vector3d::Zero()}.log();
+  return {basis_.col(0).head<3>().dot(T.t), basis_.col(1).head<3>().dot(T.t),
+          basis_.col(2).tail<3>().dot(tangent.tail<3>())};
+}
+
+Se3 PlanarMotion::at(const Eigen::Vector3d& coordinates) const noexcept {
+  const Eigen::AngleAxisd turn{coordinates.z(), basis_.col(2).tail<3>()};
+  return {Eigen::Quaterniond{turn}, basis_.leftCols<2>().topRows<3>() * coordinates.head<2>()};
+}
+
 PlanarMotion::Conditioned PlanarMotion::condition(const Se3& T,
                                                   const Matrix6d& covariance) const noexcept {
   Matrix6d sound = covariance;
@@ -39,7 +75,11 @@ PlanarMotion::Conditioned PlanarMotion::condition(const Se3& T,
   const Eigen::Matrix3d information = basis_.transpose() * weighted;
   const Eigen::Matrix3d in_plane = information.inverse();
   const Eigen::Vector3d step = -in_plane * (weighted.transpose() * off);  // eq. 21
-  return {project(start * Se3::exp(basis_ * step)), widen(in_plane)};
+  const Se3 held = project(start * Se3::exp(basis_ * step));
+  const Vector6d out = (T.inverse() * held).log();
+  sound += out_of_plane_ * (kFlat * kFlat);
+  const double excess = out.dot(sound.ldlt().solve(out)) / kChance;
+  return {held, widen(std::max(excess, 1.0) * in_plane)};
 }
 
 Matrix6d PlanarMotion::restrict_information(const Matrix6d& information) const noexcept {

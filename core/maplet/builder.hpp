@@ -63,8 +63,8 @@ class MapletBuilder {
   /// Whose maplets these are; ids count up from `first_id`. Before the first add.
   void identify(std::uint16_t agent, std::uint32_t epoch, std::uint32_t first_id) noexcept;
 
-  /// Which way is up in the first camera's frame: maplets carry it. auto, if this is not called.
-  void know_up(const Vector3OrAuto& up) noexcept { up_ = UpFinder{up}; }
+  /// Which way is up in the first camera's frame: maplets carry it.
+  void know_up(const Mounting& mounting) noexcept { up_ = UpFinder{mounting}; }
   /// The camera moves in a plane only: so do keyframes and links.
   void hold_to(const PlanarMotion& planar) noexcept { planar_ = planar; }
 
@@ -122,7 +122,7 @@ class MapletBuilder {
   std::uint32_t segment_ = 0;
   std::uint32_t blind_spells_ = 0;
   bool origin_asked_ = false;
-  UpFinder up_{std::nullopt};
+  UpFinder up_{Mounting{}};
   std::optional<PlanarMotion> planar_;
   MapletKey key_;
   PathLink link_;  // of the maplet under construction

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "core/base/crc.hpp"
+#include "core/geometry/direction_code.hpp"
 #include "core/maplet/byte_stream.hpp"
 #include "core/maplet/cell_coder.hpp"
 #include "core/maplet/codec_fields.hpp"
@@ -116,7 +117,7 @@ void put_header(const Maplet& m, std::size_t layers, std::size_t size,
   header.put(m.key.id, 4);
   header.put(static_cast<std::uint64_t>(m.stamp.count()), 8);
   header.put(size, 4);
-  header.put(has_up ? codec::pack_normal(m.up) : 0U, 4);
+  header.put(has_up ? pack_direction(m.up) : 0U, 4);
 }
 
 struct Header {
@@ -130,7 +131,10 @@ struct Header {
 // @return nullptr, or what is wrong
 const char* get_header(ByteReader& in, Header& header) noexcept {
   if (in.get(4) != kMagic) return "not a maplet";
-  if (in.get(1) != kVersion) return "maplet of an unknown version";
+  if (const std::uint64_t version = in.get(1); version != kVersion) {
+    return version > kVersion ? "maplet of a newer version than 2: this program is older than it"
+                              : "maplet of an older version than 2: map its recording again";
+  }
   header.keyframes = in.pop();
   header.planes = in.pop();
   const std::uint64_t packed = in.get(1);
@@ -144,7 +148,7 @@ const char* get_header(ByteReader& in, Header& header) noexcept {
   header.size = static_cast<std::size_t>(in.get(4));
   const auto up = static_cast<std::uint32_t>(in.get(4));
   const bool has_up = (packed & kHasUp) != 0;
-  header.up = has_up ? codec::unpack_normal(up) : Eigen::Vector3d::Zero();
+  header.up = has_up ? unpack_direction(up) : Eigen::Vector3d::Zero();
   const bool in_range = header.layers > 0 && header.layers <= codec::kMaxLayers &&
                         cell_mm >= codec::kMinCell_mm && cell_mm <= codec::kMaxCell_mm &&
                         (has_up || up == 0);

@@ -27,6 +27,8 @@ inline constexpr double kMaxTranslationError_m = 1e-4;
 inline constexpr double kMaxRotationError_rad = 1e-4;
 inline constexpr double kMaxSigmaFactor = 1.06;  ///< standard deviations only ever grow
 inline constexpr double kMaxDistance_m = 800.0;  ///< of a plane from the origin
+inline constexpr double kMaxLean = 0.9;  ///< of a plane's normal towards its grid's axis: a cosine
+inline constexpr int kMaxGridIndex = 32000;
 inline constexpr int kMinCell_mm = 5;
 inline constexpr int kMaxCell_mm = 1000;
 

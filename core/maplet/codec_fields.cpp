@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/geometry/direction_code.hpp"
 #include "core/maplet/codec.hpp"
 #include "core/maplet/quantise.hpp"
 
@@ -13,16 +14,21 @@ namespace {
 
 constexpr std::int64_t kMaxLength = static_cast<std::int64_t>(kMaxDistance_m * kMetre);
 
+bool sound(const CellGrid& grid) noexcept {
+  return grid.level <= CellGrid::kMaxLevel && grid.axis <= 2 &&
+         std::abs(grid.column0) <= kMaxGridIndex && std::abs(grid.row0) <= kMaxGridIndex &&
+         grid.columns <= kMaxGridCells && grid.rows <= kMaxGridCells;
+}
+
 bool get_grid(ByteReader& in, Maplet& m, MapletPlane& p) noexcept {
   const std::uint64_t packed = in.get(1);
   p.grid.level = static_cast<std::uint8_t>(packed & 0xFU);
   p.grid.axis = static_cast<std::uint8_t>(packed >> 4);
   if (p.grid.level > CellGrid::kMaxLevel || p.grid.axis > 2) return false;
-  if (std::abs(p.plane.n[p.grid.axis]) > 0.9) return false;
+  if (std::abs(p.plane.n[p.grid.axis]) > kMaxLean) return false;
   std::int64_t values[4];
   for (std::int64_t& value : values) value = in.get_varint();
-  constexpr std::int64_t kMaxIndex = 32000;
-  if (std::abs(values[0]) > kMaxIndex || std::abs(values[1]) > kMaxIndex) return false;
+  if (std::abs(values[0]) > kMaxGridIndex || std::abs(values[1]) > kMaxGridIndex) return false;
   if (values[2] < 0 || values[2] > kMaxGridCells) return false;
   if (values[3] < 0 || values[3] > kMaxGridCells) return false;
   p.grid.column0 = static_cast<std::int16_t>(values[0]);
@@ -49,6 +55,10 @@ bool writable(const Maplet& m) noexcept {
     if (!(p.centre.cwiseAbs().maxCoeff() <= kMaxDistance_m)) return false;
     if (!(std::abs(p.plane.n.norm() - 1.0) < 1e-6) || !p.covariance.allFinite()) return false;
     if (!(p.covariance.diagonal().minCoeff() >= 0.0)) return false;
+    constexpr double kRounding = 1e-4;
+    if (!sound(p.grid) || std::abs(p.plane.n[p.grid.axis]) > kMaxLean - kRounding) {
+      return false;
+    }
   }
   return true;
 }
@@ -87,10 +97,10 @@ bool get_keyframes(ByteReader& in, std::size_t count, Maplet& m) noexcept {
 }
 
 void put_plane(const MapletPlane& p, ByteWriter& out) noexcept {
-  const std::uint32_t normal = pack_normal(p.plane.n);
+  const std::uint32_t normal = pack_direction(p.plane.n);
   out.put(normal, 4);
   // The offset that keeps the plane's centre where it is, whatever rounding did to the normal.
-  const double d = -unpack_normal(normal).dot(p.centre - p.plane.distance(p.centre) * p.plane.n);
+  const double d = -unpack_direction(normal).dot(p.centre - p.plane.distance(p.centre) * p.plane.n);
   out.put(static_cast<std::uint64_t>(std::llround(d * kMetre)), 3);
   const PackedCovariance c = pack_covariance(p.covariance);
   for (const std::uint8_t s : c.log_sigma) out.put(s, 1);
@@ -110,7 +120,7 @@ bool get_planes(ByteReader& in, std::size_t count, Maplet& m) noexcept {
   for (std::size_t i = 0; i < count; ++i) {
     MapletPlane p;
     p.id = static_cast<std::uint8_t>(m.planes.size());
-    p.plane.n = unpack_normal(static_cast<std::uint32_t>(in.get(4)));
+    p.plane.n = unpack_direction(static_cast<std::uint32_t>(in.get(4)));
     p.plane.d = static_cast<double>(in.get_signed(3)) / kMetre;
     PackedCovariance c;
     for (std::uint8_t& s : c.log_sigma) s = in.pop();

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/maplet/codec.hpp"
 #include "core/maplet/plane_map.hpp"
 
 namespace maplet {
@@ -14,6 +15,9 @@ namespace {
 double worth(const FusedPlane& plane) noexcept {
   return plane.touched * (plane.observations > 1 ? 1.0 : 0.3);
 }
+
+constexpr double kTurned =
+    codec::kMaxLean - 0.01;  // since its grid was begun: far from what it was
 
 struct Bounds {
   Eigen::Array2d low = Eigen::Array2d::Constant(1e9);
@@ -75,6 +79,7 @@ bool PlaneMap::lay_grid(const FusedPlane& from, Maplet& out, MapletPlane& plane)
     const Eigen::Array2d first = (bounds.low * scale).floor();
     const Eigen::Array2d count = (bounds.high * scale).floor() - first + 1.0;
     if (count.maxCoeff() > kMaxGridCells) continue;
+    if (first.abs().maxCoeff() > codec::kMaxGridIndex) continue;
     grid.column0 = static_cast<std::int16_t>(first.x());
     grid.row0 = static_cast<std::int16_t>(first.y());
     grid.columns = static_cast<std::uint16_t>(count.x());
@@ -108,6 +113,10 @@ void PlaneMap::assemble(Maplet& out, std::span<const KeyframeLook> looks, std::s
     MapletPlane plane;
     plane.plane = from.plane;
     plane.grid.axis = from.axis;
+    if (std::abs(from.plane.n[from.axis]) > kTurned) {
+      ++counts_.planes_dropped;
+      continue;
+    }
     if (!lay_grid(from, out, plane)) continue;
     if (!looks.empty()) {
       if (deadline.expired()) {

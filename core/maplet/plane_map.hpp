@@ -18,7 +18,7 @@ namespace maplet {
 
 /// What was not taken into a maplet, and why. Counts since start-up.
 struct MapletCounts {
-  std::uint64_t planes_dropped = 0;  ///< the map was full: the least informative went
+  std::uint64_t planes_dropped = 0;  ///< no room: the least informative; or astray
   std::uint64_t patches_unfit = 0;   ///< off the plane that they were said to belong to
   std::uint64_t patches_loose = 0;   ///< on no plane
   std::uint64_t patches_placed = 0;

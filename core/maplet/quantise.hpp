@@ -7,10 +7,6 @@
 
 namespace maplet::codec {
 
-/// A unit vector in two times 16 bits: the octahedral map (Meyer et al. 2010).
-[[nodiscard]] std::uint32_t pack_normal(const Eigen::Vector3d& n) noexcept;
-[[nodiscard]] Eigen::Vector3d unpack_normal(std::uint32_t code) noexcept;
-
 /// A rotation in 56 bits: which component is largest, the others in 18 bits each.
 [[nodiscard]] std::uint64_t pack_rotation(const Eigen::Quaterniond& q) noexcept;
 /// @return false when the bits are no rotation

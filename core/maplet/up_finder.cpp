@@ -35,7 +35,22 @@ Eigen::Vector3d up_of(const PatchSet& set, const Eigen::Vector3d& expected,
   return (n.dot(expected) < 0.0 ? -1.0 : 1.0) * sum.normalized();
 }
 
-UpFinder::UpFinder(const Vector3OrAuto& up) noexcept : up_odom_{0.0, -1.0, 0.0} {
+std::string_view to_string(UpSource source) noexcept {
+  constexpr std::string_view kNames[] = {"given", "floor", "mounting"};
+  return kNames[static_cast<std::size_t>(source)];
+}
+
+FirstUp first_up(const PatchSet& view, const Mounting& mounting) noexcept {
+  if (const auto& up = mounting.up) {
+    return {Eigen::Vector3d{(*up)[0], (*up)[1], (*up)[2]}.normalized(), UpSource::kGiven};
+  }
+  const Eigen::Vector3d found = up_of(view, mounting.expected, kFound_rad);
+  if (found.isZero()) return {mounting.expected, UpSource::kMounting};
+  return {found, UpSource::kFloor};
+}
+
+UpFinder::UpFinder(const Mounting& mounting) noexcept : up_odom_{mounting.expected} {
+  const auto& up = mounting.up;
   if (!up) return;
   up_odom_ = Eigen::Vector3d{(*up)[0], (*up)[1], (*up)[2]}.normalized();
   known_ = true;

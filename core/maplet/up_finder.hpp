@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <string_view>
 
 #include "core/base/field.hpp"
 #include "core/odometry/keyframe.hpp"
@@ -17,14 +18,31 @@ namespace maplet {
 [[nodiscard]] Eigen::Vector3d up_of(const PatchSet& set, const Eigen::Vector3d& expected,
                                     double within_rad) noexcept;
 
+/// How the camera sits: what is known before the first view.
+struct Mounting {
+  Vector3OrAuto up;                          ///< in the first camera's frame, or auto
+  Eigen::Vector3d expected{0.0, -1.0, 0.0};  ///< where auto looks for it, unit: a level camera's
+};
+
+/// Who said which way is up.
+enum class UpSource : std::uint8_t { kGiven, kFloor, kMounting };
+[[nodiscard]] std::string_view to_string(UpSource source) noexcept;
+
+/// Up in the first view: as given; or what a floor or ceiling within 0.6 rad of the expected shows;
+/// or the expected.
+struct FirstUp {
+  Eigen::Vector3d up;  ///< unit, camera's frame
+  UpSource from;
+};
+[[nodiscard]] FirstUp first_up(const PatchSet& view, const Mounting& mounting) noexcept;
+
 /// Up along a path: given at its start or found there, then followed, because odometry tilts. Lost
 /// with the track; found again.
 ///
 /// Memory  a value. Threads  one.
 class UpFinder {
  public:
-  /// @param up  in the first keyframe's frame, or auto
-  explicit UpFinder(const Vector3OrAuto& up) noexcept;
+  explicit UpFinder(const Mounting& mounting) noexcept;
 
   /// Every keyframe, in order.
   void look(const Keyframe& keyframe) noexcept;

@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "core/base/clock.hpp"
+#include "core/geometry/planar_motion.hpp"
 #include "core/geometry/se3.hpp"
 #include "core/maplet/maplet.hpp"
 
@@ -28,6 +29,9 @@ struct DeltaPose {
   Matrix6d covariance = Matrix6d::Zero();  ///< tangent [rho; theta] of b; m^2, rad^2
   float overlap = 0.0F;                    ///< share of the smaller maplet's area matched, 0..1
   std::uint16_t matches = 0;               ///< plane pairs
+  /// The motion is held in this plane, of both frames: three numbers and their covariance say it
+  /// all (PlanarMotion).
+  PlaneCode plane = PlaneCode::kSpace;
 };
 
 /// A turn known worse than this holds nothing: to whoever adds up small errors it says nothing, and

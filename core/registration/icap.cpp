@@ -85,6 +85,7 @@ DeltaPose closure_of(const MapletKey& a, Stamp stamp_a, const MapletKey& b, Stam
   out.covariance = alignment.covariance;
   out.overlap = static_cast<float>(alignment.overlap);
   out.matches = alignment.matches;
+  out.plane = alignment.plane;
   return out;
 }
 
@@ -95,6 +96,7 @@ Expected<MapletAlignment> Icap::align(const Maplet& a, const Maplet& b,
   if (a.planes.empty() || b.planes.empty()) {
     return fail(ErrorCode::kNoOverlap, "a maplet without planes");
   }
+  if (planar_) out.plane = planar_->code();
   if (!guess.se3.t.allFinite() || !guess.se3.q.coeffs().allFinite()) {
     return fail(ErrorCode::kBadInput, "the guess is not finite");
   }

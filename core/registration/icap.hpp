@@ -31,6 +31,7 @@ struct MapletAlignment {
   double worth = 0.0;         ///< of the matches: roots of areas, m, large ones alike
   std::uint32_t iterations = 0;
   Stop stop = Stop::kConverged;
+  PlaneCode plane = PlaneCode::kSpace;  ///< both are held in, see hold_to()
 };
 
 /// A closure between two maplets, as aligned.

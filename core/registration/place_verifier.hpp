@@ -51,6 +51,8 @@ class PlaceVerifier {
   PlaceVerifier(const RegistrationConfig& config, std::size_t capacity, Arena& arena);
 
   void clear() noexcept { count_ = 0; }
+  /// As Icap::hold_to(), of what is added from now on.
+  void hold_to(const PlanarMotion& planar) noexcept { icap_->hold_to(planar); }
 
   /// Aligns b to a from each guess and keeps what comes out best.
   /// @return Stop::kDeadline when not all guesses were tried: the pair stays undecided

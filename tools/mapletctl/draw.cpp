@@ -118,6 +118,11 @@ void add_draw(Command app) {
   command.add_option("--out", options->out, "One picture, *.svg or *.png, instead of all files")
       .type_name("FILE");
   command.add_flag("--json", options->json, "One line of JSON: files and figures");
+  command.footer(
+      "Examples:\n"
+      "  mapletctl draw out/run                                 the pictures once more, into the "
+      "folder\n"
+      "  mapletctl draw out/a out/b --out both.png              two agents of one world");
   command.run([options] { run(*options); });
 }
 

@@ -78,6 +78,9 @@ void add_eval(Command app) {
       .required()
       .type_name("FILE");
   command.add_flag("--json", options->json, "One line of JSON");
+  command.footer(
+      "Examples:\n"
+      "  mapletctl eval --estimate out/run/trajectory.tum --truth DIR/groundtruth.txt");
   command.run([options] { run(*options); });
 }
 

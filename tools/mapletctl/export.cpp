@@ -149,6 +149,10 @@ void add_export(Command app) {
       .add_option("--max-bytes", options->max_bytes,
                   "Of --maplet: as many layers as fit, coarse first (about 1, 4 and 15 KB)")
       .range(1, static_cast<int>(kMaxMapletBytes));
+  command.footer(
+      "Examples:\n"
+      "  mapletctl export out/run --ply map.ply --g2o map.g2o --tum path.tum\n"
+      "  mapletctl export out/run/maplets/0007.maplet --maplet small.maplet --max-bytes 1024");
   command.run([options] { run(*options); });
 }
 

@@ -12,6 +12,7 @@
 #include "tools/files/maplet_file.hpp"
 #include "tools/files/run_folder.hpp"
 #include "tools/mapletctl/command.hpp"
+#include "tools/mapletctl/planar_option.hpp"
 
 namespace maplet::ctl {
 namespace {
@@ -21,6 +22,7 @@ using Json = nlohmann::ordered_json;
 
 struct Options {
   std::string a, b;
+  bool planar = false;
   bool json = false;
 };
 
@@ -38,6 +40,11 @@ Side read_side(const std::string& folder, std::uint16_t agent) {
   std::vector<fs::path> files;
   fs::path maplets{folder};
   if (fs::is_directory(maplets / "maplets")) maplets /= "maplets";
+  if (fs::is_regular_file(maplets)) {
+    throw Failure{folder +
+                  " is a file: give a folder of mapletd --out (two maplets alone: "
+                  "mapletctl register)"};
+  }
   std::error_code error;
   for (const auto& entry : fs::directory_iterator{maplets, error}) {
     if (entry.path().extension() == ".maplet") files.push_back(entry.path());
@@ -142,9 +149,12 @@ Tried propose_near(const Side& a, const Side& b, const PlaceVerifier& verifier,
   return tried;
 }
 
-void verify(const Side& a, const Side& b, const Tried& tried, PlaceVerifier& verifier) {
+void verify(const Side& a, const Side& b, const Tried& tried, bool planar,
+            PlaceVerifier& verifier) {
   for (const auto& [pair, guesses] : tried) {
-    verifier.add(*a.maplets[pair.first], *b.maplets[pair.second], guesses, Deadline::never());
+    const Maplet& from = *a.maplets[pair.first];
+    if (planar) verifier.hold_to(plane_of(from, "maplet " + a.names[pair.first] + " of A"));
+    verifier.add(from, *b.maplets[pair.second], guesses, Deadline::never());
   }
 }
 
@@ -153,19 +163,20 @@ void print_pair(const Side& a, const Side& b, const PlaceHypothesis& h, bool jso
   if (json) {
     Json covariance = Json::array();
     for (int i = 0; i < 36; ++i) covariance.push_back(h.alignment.covariance.data()[i]);
-    const Json line{{"a", a.names[h.a.id]},
-                    {"b", b.names[h.b.id]},
-                    {"stamp_a_s", seconds(h.stamp_a)},
-                    {"stamp_b_s", seconds(h.stamp_b)},
-                    {"verdict", to_string(h.judgement.verdict)},
-                    {"reason", h.judgement.reason},
-                    {"T_a_b", {T.t.x(), T.t.y(), T.t.z(), T.q.x(), T.q.y(), T.q.z(), T.q.w()}},
-                    {"covariance", covariance},
-                    {"overlap", h.alignment.overlap},
-                    {"matches", h.alignment.matches},
-                    {"chi2_per_dof", h.alignment.chi2_per_dof},
-                    {"conflict", h.evidence.contradiction()},
-                    {"agreed_m", h.evidence.agreed}};
+    Json line{{"a", a.names[h.a.id]},
+              {"b", b.names[h.b.id]},
+              {"stamp_a_s", seconds(h.stamp_a)},
+              {"stamp_b_s", seconds(h.stamp_b)},
+              {"verdict", to_string(h.judgement.verdict)},
+              {"reason", h.judgement.reason},
+              {"T_a_b", {T.t.x(), T.t.y(), T.t.z(), T.q.x(), T.q.y(), T.q.z(), T.q.w()}},
+              {"covariance", covariance},
+              {"overlap", h.alignment.overlap},
+              {"matches", h.alignment.matches},
+              {"chi2_per_dof", h.alignment.chi2_per_dof},
+              {"conflict", h.evidence.contradiction()},
+              {"agreed_m", h.evidence.agreed}};
+    if (h.alignment.plane != PlaneCode::kSpace) line["planar"] = planar_json(h.alignment);
     fmt::print("{}\n", line.dump());
     return;
   }
@@ -183,11 +194,11 @@ void run(const Options& options) {
   Arena arena;
   const std::size_t pairs = a.maplets.size() * b.maplets.size();
   PlaceVerifier verifier{config, 2 * PlaceVerifier::kPerPair * pairs, arena};
-  verify(a, b, propose(a, b), verifier);
+  verify(a, b, propose(a, b), options.planar, verifier);
   verifier.judge(relations);
   const Tried near = propose_near(a, b, verifier, relations);
   if (!near.empty()) {
-    verify(a, b, near, verifier);
+    verify(a, b, near, options.planar, verifier);
     verifier.judge(relations);
   }
   // A line a pair: what was accepted, or else what has most to say for itself.
@@ -201,7 +212,8 @@ void run(const Options& options) {
   }
   for (const auto& [pair, h] : best) print_pair(a, b, *h, options.json);
   const bool both = !a.maplets.empty() && !b.maplets.empty();
-  if (best.empty() && both && !options.json) fmt::print("no maplets of the two are alike\n");
+  if (best.empty() && both)
+    fmt::print(options.json ? stderr : stdout, "no maplets of the two are alike\n");
   if (a.damaged || b.damaged) throw Failure{"match: not all maplets could be read"};
 }
 
@@ -213,7 +225,12 @@ void add_match(Command app) {
       "match", "Finds places that two runs have in common, nothing known about how they lie");
   command.add_option("a", options->a, "Folder of mapletd --out").required().type_name("DIR_A");
   command.add_option("b", options->b, "Folder of mapletd --out").required().type_name("DIR_B");
+  command.add_flag("--planar", options->planar, kPlanarHelp);
   command.add_flag("--json", options->json, "A line of JSON for each verified pair");
+  command.footer(
+      "Examples:\n"
+      "  mapletctl match out/first out/second                   two runs through one building\n"
+      "  mapletctl match out/first out/second --json | grep '\"accept\"'");
   command.run([options] { run(*options); });
 }
 

@@ -5,12 +5,14 @@
 #include <algorithm>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "core/registration/place_index.hpp"
 #include "core/registration/place_verifier.hpp"
 #include "core/registration/verdict.hpp"
 #include "tools/files/maplet_file.hpp"
 #include "tools/mapletctl/command.hpp"
+#include "tools/mapletctl/planar_option.hpp"
 
 namespace maplet::ctl {
 namespace {
@@ -21,6 +23,7 @@ struct Options {
   std::string a, b;
   std::vector<double> guess;
   double budget_us = 0.0;
+  bool planar = false;
   bool json = false;
 };
 
@@ -64,6 +67,7 @@ Json to_json(const Closure& c, double us, double verdict_us) {
   if (c.aligned) {
     out["T_a_b"] = {T.t.x(), T.t.y(), T.t.z(), T.q.x(), T.q.y(), T.q.z(), T.q.w()};
     out["covariance"] = vector_json(c.alignment.covariance.data(), 36);  // symmetric
+    if (c.alignment.plane != PlaneCode::kSpace) out["planar"] = planar_json(c.alignment);
     out["free_axes"] = Json::array();
     for (const Vector6d& axis : c.alignment.free_axes) {
       out["free_axes"].push_back(vector_json(axis.data(), 6));
@@ -113,8 +117,8 @@ constexpr Judgement kAlike{
     "the planes agree; two maplets alone do not tell it from a place that is alike"};
 
 // The two origins may be near each other; if not, every place that the planes suggest is tried.
-Closure search(Maplet& a, Maplet& b, const RegistrationConfig& config, Verifier& verifier,
-               Deadline deadline) {
+Closure search(Maplet& a, Maplet& b, const RegistrationConfig& config,
+               const std::optional<PlanarMotion>& planar, Verifier& verifier, Deadline deadline) {
   Closure out = verifier.verify(a, b, {}, config.gate_m, config.gate_rad, Prior::kGuess, deadline);
   if (out.judgement.verdict == Verdict::kAccept) {
     out.judgement = kAlike;
@@ -126,6 +130,7 @@ Closure search(Maplet& a, Maplet& b, const RegistrationConfig& config, Verifier&
   PlaceIndex index{1, arena};
   index.add(a);
   PlaceVerifier places{config, PlaceVerifier::kPerPair, arena};
+  if (planar) places.hold_to(*planar);
   bool in_time = true;
   for (const PlaceCandidate& c : index.query(b, {}, deadline)) {
     in_time = places.add(a, b, c.guesses, deadline) != Stop::kDeadline;
@@ -157,6 +162,8 @@ void run(const Options& options) {
   const double gate_rad = linked ? config.link_gate_rad : config.gate_rad;
   const MonotonicClock clock;
   const auto verifier = std::make_unique<Verifier>(config);
+  std::optional<PlanarMotion> planar;
+  if (options.planar) verifier->hold_to(planar.emplace(plane_of(*a, options.a)));
   const double before = cpu_us();
   const Deadline deadline =
       options.budget_us > 0.0
@@ -171,7 +178,7 @@ void run(const Options& options) {
     verifier->judge(*a, *b, closure, gate_m, gate_rad, linked ? Prior::kPath : Prior::kGuess,
                     deadline);
   } else {
-    closure = search(*a, *b, config, *verifier, deadline);
+    closure = search(*a, *b, config, planar, *verifier, deadline);
     us = cpu_us() - before;
   }
   const double verdict_us = cpu_us() - before - us;
@@ -199,7 +206,12 @@ void add_register(Command app) {
       .type_name("POSE");
   command.add_option("--budget-us", options->budget_us, "Stop after this time; 0 = when done")
       .range(0.0, 1e9);
+  command.add_flag("--planar", options->planar, kPlanarHelp);
   command.add_flag("--json", options->json, "One line of JSON");
+  command.footer(
+      "Examples:\n"
+      "  mapletctl register out/run/maplets/0003.maplet out/run/maplets/0004.maplet\n"
+      "  mapletctl register A.maplet B.maplet --guess 0.3,0,0.1,0,0,0,1 --budget-us 200 --json");
   command.run([options] { run(*options); });
 }
 

@@ -78,6 +78,11 @@ void add_show(Command app) {
       .required()
       .type_name("FILE");
   command.add_flag("--json", options->json, "One line of JSON");
+  command.footer(
+      "Examples:\n"
+      "  mapletctl show out/run/maplets/0007.maplet            planes, keyframes, bytes of each "
+      "layer\n"
+      "  mapletctl show --json out/run/maplets/0007.maplet | jq .planes");
   command.run([options] {
     const auto maplet = files::read_maplet(options->file);
     const std::size_t bytes = files::read_bytes(options->file).size();

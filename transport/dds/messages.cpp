@@ -45,6 +45,10 @@ maplet_msg_DeltaPose to_message(const DeltaPoseRecord& record) noexcept {
   std::copy_n(record.covariance.sigma.begin(), 6, message.sigma);
   std::copy_n(record.covariance.shape.begin(), 15, message.shape);
   std::copy_n(record.covariance.pivot.begin(), 5, message.pivot);
+  if (record.plane != PlaneCode::kSpace) {
+    const Eigen::Vector3f up = PlanarMotion{record.plane}.up().cast<float>();
+    std::copy_n(up.data(), 3, message.plane_up);
+  }
   message.overlap = record.overlap;
   message.matches = record.matches;
   return message;
@@ -63,6 +67,8 @@ DeltaPoseRecord from_message(const maplet_msg_DeltaPose& message) noexcept {
   std::copy_n(message.sigma, 6, record.covariance.sigma.begin());
   std::copy_n(message.shape, 15, record.covariance.shape.begin());
   std::copy_n(message.pivot, 5, record.covariance.pivot.begin());
+  const Eigen::Vector3d up = Eigen::Vector3f{message.plane_up}.cast<double>();
+  if (!up.isZero(0.0)) record.plane = PlanarMotion{up}.code();
   record.overlap = message.overlap;
   record.matches = message.matches;
   return record;

@@ -15,7 +15,7 @@ namespace maplet {
 /// A delta-pose as quantised for the wire. Every agent, the origin too, computes with
 /// restore(record), so that all hold the same numbers.
 ///
-/// Math   docs/math/records.md, eq. 1-4.
+/// Math   docs/math/records.md, eq. 1-5.
 struct DeltaPoseRecord {
   RecordKey key;
   DeltaPose::Kind kind = DeltaPose::Kind::kConsecutive;
@@ -26,6 +26,9 @@ struct DeltaPoseRecord {
   std::array<float, 3> translation_m{};  ///< multiples of 2^-14 m, within +-512 m
   std::array<float, 3> rotation_rad{};   ///< rotation vector; multiples of 2^-21 rad
   CovarianceCode covariance;
+  /// Motion in this plane: the numbers above are in its axes (right, down, forward), zero out of it
+  /// and known to PlanarMotion::kFlat there. kSpace: in the camera's.
+  PlaneCode plane = PlaneCode::kSpace;
   std::uint8_t overlap = 0;  ///< of 255
   std::uint8_t matches = 0;  ///< 255: that many or more
 
@@ -33,7 +36,7 @@ struct DeltaPoseRecord {
 };
 
 /// Serialised in the local domain: CDR with its 4-byte header (tests/unit/dds measures it).
-inline constexpr std::size_t kDeltaPosePayloadBytes = 144;
+inline constexpr std::size_t kDeltaPosePayloadBytes = 156;
 
 /// Which stream a delta-pose belongs to.
 [[nodiscard]] constexpr Stream stream_of(DeltaPose::Kind kind) noexcept {

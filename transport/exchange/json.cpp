@@ -7,7 +7,7 @@
 #include <cstdlib>
 #include <iterator>
 
-#include "transport/exchange/record_codec.hpp"
+#include "core/geometry/planar_motion.hpp"
 
 namespace maplet {
 
@@ -41,19 +41,27 @@ void put_number(JsonLine& line, Number value) {
   if (line.find_first_of(".e", before) == JsonLine::npos) line.append(".0");
 }
 
-/// The paper's delta-pose: x, z and the turn about y of the camera's axes, and their covariance.
-void put_planar(JsonLine& line, const DeltaPoseRecord& record, const DeltaPose& delta) {
-  constexpr int kInPlane[] = {0, 2, 4};
-  line.append(",\"planar\":{\"delta\":[");
-  put_number(line, delta.T_a_b.se3.t.x());
-  line.push_back(',');
-  put_number(line, delta.T_a_b.se3.t.z());
-  line.push_back(',');
-  put_number(line, double{record.rotation_rad[1]});
-  line.append("],\"covariance\":[");
-  for (const int i : kInPlane) {
-    for (const int j : kInPlane) {
-      put_number(line, delta.covariance(i, j));
+/// The paper's delta-pose: right, forward and the turn about down, in the plane across `up`, and
+/// their covariance.
+void put_planar(JsonLine& line, const DeltaPoseRecord& record) {
+  const PlanarMotion planar{record.plane};
+  line.append(",\"planar\":{\"up\":[");
+  for (const double x : planar.up()) {
+    put_number(line, x);
+    line.push_back(',');
+  }
+  line.back() = ']';
+  line.append(",\"delta\":[");
+  for (const float x : {record.translation_m[0], record.translation_m[2], record.rotation_rad[1]}) {
+    put_number(line, double{x});
+    line.push_back(',');
+  }
+  line.back() = ']';
+  line.append(",\"covariance\":[");
+  const Matrix6d covariance = decode_covariance(record.covariance);
+  for (const int i : {0, 2, 4}) {
+    for (const int j : {0, 2, 4}) {
+      put_number(line, covariance(i, j));
       line.push_back(',');
     }
   }
@@ -94,7 +102,7 @@ JsonLine to_json(const DeltaPoseRecord& record) noexcept {
     }
   }
   line.back() = ']';
-  if (is_planar(record)) put_planar(line, record, delta);
+  if (record.plane != PlaneCode::kSpace) put_planar(line, record);
   line.append(",\"overlap\":");
   put_number(line, delta.overlap);
   put(line, FMT_COMPILE(",\"matches\":{}}}"), delta.matches);

@@ -24,13 +24,11 @@ constexpr double kRotationUnit = 0x1p-21;
 constexpr int kSigmaExponentMin = -19;  // of frexp: 2^-20 = 0.5 * 2^-19
 constexpr int kSigmaExponents = 33;
 
-// In the planar form: x, z and the turn about y, of six.
-constexpr std::array<std::size_t, 3> kPlane{0, 2, 4};
-
 constexpr std::size_t shape_index(std::size_t row, std::size_t column) noexcept {
   return row * (row - 1) / 2 + column;
 }
 
+// Right, forward and the turn about down, of six.
 bool in_plane(std::size_t axis) noexcept { return axis == 0 || axis == 2 || axis == 4; }
 
 void write_sigma(ByteWriter& out, float sigma) noexcept {
@@ -130,42 +128,49 @@ Stamp read_stamp(ByteReader& in, std::uint8_t flags, Stamp base) noexcept {
   return Stamp{static_cast<std::int64_t>(static_cast<std::uint64_t>(base.count()) + ns)};
 }
 
-void write_pose(ByteWriter& out, const DeltaPoseRecord& record, bool planar) noexcept {
+// In a plane only what it leaves: see DeltaPoseRecord::plane.
+void write_pose(ByteWriter& out, const DeltaPoseRecord& record) noexcept {
+  const bool planar = record.plane != PlaneCode::kSpace;
+  const auto said = [planar](std::size_t axis) { return !planar || in_plane(axis); };
+  if (planar) out.fixed(static_cast<std::uint32_t>(record.plane), 4);
   for (std::size_t i = 0; i < 3; ++i) {
-    if (!planar || in_plane(i)) write_steps(out, record.translation_m[i], kTranslationUnit);
+    if (said(i)) write_steps(out, record.translation_m[i], kTranslationUnit);
   }
   for (std::size_t i = 0; i < 3; ++i) {
-    if (!planar || in_plane(3 + i)) write_steps(out, record.rotation_rad[i], kRotationUnit);
+    if (said(3 + i)) write_steps(out, record.rotation_rad[i], kRotationUnit);
   }
   const CovarianceCode& code = record.covariance;
-  for (const float sigma : code.sigma) write_sigma(out, sigma);
-  for (std::size_t row = 1; row < 6; ++row) {
-    if (planar && !in_plane(row)) continue;
+  for (std::size_t row = 0; row < 6; ++row) {
+    if (!said(row)) continue;
+    write_sigma(out, code.sigma[row]);
     for (std::size_t column = 0; column < row; ++column) {
-      if (planar && !in_plane(column)) continue;
+      if (!said(column)) continue;
       out.fixed(static_cast<std::uint16_t>(code.shape[shape_index(row, column)]), 2);
     }
-    out.fixed(code.pivot[row - 1], 2);
+    if (row > 0) out.fixed(code.pivot[row - 1], 2);
   }
 }
 
 void read_pose(ByteReader& in, DeltaPoseRecord& record, bool planar) noexcept {
+  const auto said = [planar](std::size_t axis) { return !planar || in_plane(axis); };
+  if (planar) record.plane = PlaneCode{static_cast<std::uint32_t>(in.fixed(4))};
   for (std::size_t i = 0; i < 3; ++i) {
-    if (!planar || in_plane(i)) record.translation_m[i] = read_steps(in, kTranslationUnit);
+    if (said(i)) record.translation_m[i] = read_steps(in, kTranslationUnit);
   }
   for (std::size_t i = 0; i < 3; ++i) {
-    if (!planar || in_plane(3 + i)) record.rotation_rad[i] = read_steps(in, kRotationUnit);
+    if (said(3 + i)) record.rotation_rad[i] = read_steps(in, kRotationUnit);
   }
   CovarianceCode& code = record.covariance;
-  for (float& sigma : code.sigma) sigma = read_sigma(in);
-  for (std::size_t row = 1; row < 6; ++row) {
-    if (planar && !in_plane(row)) continue;
+  for (std::size_t row = 0; row < 6; ++row) {
+    code.sigma[row] = static_cast<float>(PlanarMotion::kFlat);
+    if (!said(row)) continue;
+    code.sigma[row] = read_sigma(in);
     for (std::size_t column = 0; column < row; ++column) {
-      if (planar && !in_plane(column)) continue;
+      if (!said(column)) continue;
       const auto bits = static_cast<std::uint16_t>(in.fixed(2));
       code.shape[shape_index(row, column)] = static_cast<std::int16_t>(bits);
     }
-    code.pivot[row - 1] = static_cast<std::uint16_t>(in.fixed(2));
+    if (row > 0) code.pivot[row - 1] = static_cast<std::uint16_t>(in.fixed(2));
   }
 }
 
@@ -178,24 +183,7 @@ void remember(RecordContext& context, const DeltaPoseRecord& record) noexcept {
 
 }  // namespace
 
-bool is_planar(const DeltaPoseRecord& record) noexcept {
-  if (record.translation_m[1] != 0.0F || record.rotation_rad[0] != 0.0F ||
-      record.rotation_rad[2] != 0.0F) {
-    return false;
-  }
-  const CovarianceCode& code = record.covariance;
-  for (std::size_t row = 1; row < 6; ++row) {
-    for (std::size_t column = 0; column < row; ++column) {
-      if (in_plane(row) && in_plane(column)) continue;
-      if (code.shape[shape_index(row, column)] != 0) return false;
-    }
-    if (!in_plane(row) && code.pivot[row - 1] != 0) return false;
-  }
-  return true;
-}
-
 void write_record(ByteWriter& out, RecordContext& context, const DeltaPoseRecord& record) noexcept {
-  const bool planar = is_planar(record);
   const bool chained =
       context.has_maplet && record.a == context.b && record.stamp_a == context.stamp_b;
   const bool next = record.b.agent == record.a.agent && record.b.epoch == record.a.epoch &&
@@ -203,9 +191,10 @@ void write_record(ByteWriter& out, RecordContext& context, const DeltaPoseRecord
   const bool us = whole_microseconds(record.stamp_a) && whole_microseconds(record.stamp_b);
   const bool own = !chained && has_life(record.a, record.key);
   const auto flags = static_cast<std::uint8_t>(
-      (record.kind == DeltaPose::Kind::kClosure ? kClosure : 0) | (planar ? kPlanar : 0) |
-      key_flags(context, record.key) | (chained ? kChained : 0) | (next ? kNextMaplet : 0) |
-      (us ? kMicroseconds : 0) | (own ? kOwnMaplet : 0));
+      (record.kind == DeltaPose::Kind::kClosure ? kClosure : 0) |
+      (record.plane != PlaneCode::kSpace ? kPlanar : 0) | key_flags(context, record.key) |
+      (chained ? kChained : 0) | (next ? kNextMaplet : 0) | (us ? kMicroseconds : 0) |
+      (own ? kOwnMaplet : 0));
   out.fixed(flags, 1);
   write_key(out, flags, record.key);
   if (!chained) {
@@ -218,7 +207,7 @@ void write_record(ByteWriter& out, RecordContext& context, const DeltaPoseRecord
   }
   if (!next) write_maplet(out, record.key, record.b);
   write_stamp(out, flags, record.stamp_b, record.stamp_a);
-  write_pose(out, record, planar);
+  write_pose(out, record);
   out.fixed(record.overlap, 1);
   out.fixed(record.matches, 1);
   remember(context, record);
@@ -250,6 +239,7 @@ Expected<DeltaPoseRecord> read_delta_pose(ByteReader& in, RecordContext& context
   }
   record.stamp_b = read_stamp(in, flags, record.stamp_a);
   read_pose(in, record, (flags & kPlanar) != 0);
+  good = good && (record.plane != PlaneCode::kSpace) == ((flags & kPlanar) != 0);
   record.overlap = static_cast<std::uint8_t>(in.fixed(1));
   record.matches = static_cast<std::uint8_t>(in.fixed(1));
   if (!good || !in.ok() || !valid(record)) {

@@ -32,10 +32,6 @@ void write_record(ByteWriter& out, RecordContext& context, const RangeRecord& re
                                                         RecordContext& context) noexcept;
 [[nodiscard]] Expected<RangeRecord> read_range(ByteReader& in, RecordContext& context) noexcept;
 
-/// Motion in the plane of the camera's x and z axes alone: 3 numbers and a 3x3 covariance say it
-/// all.
-[[nodiscard]] bool is_planar(const DeltaPoseRecord& record) noexcept;
-
 /// At most so many bytes for one record of any kind, its entry's head included.
 inline constexpr std::size_t kMaxRecordBytes = 160;
 

@@ -50,34 +50,34 @@ std::vector<DeltaPoseRecord> chain(std::uint32_t count, Stamp period) {
   return records;
 }
 
-DeltaPoseRecord flat(DeltaPoseRecord record) {
-  record.translation_m[1] = 0.0F;
-  record.rotation_rad[0] = record.rotation_rad[2] = 0.0F;
-  record.covariance.shape.fill(0);
-  record.covariance.shape[1] = 1000;   // z with x
-  record.covariance.shape[6] = -3000;  // the turn with x
-  record.covariance.shape[8] = 40;     // and with z
-  record.covariance.pivot[0] = record.covariance.pivot[2] = record.covariance.pivot[4] = 0;
-  return record;
+/// The same, held to the plane of a pitched camera.
+DeltaPoseRecord in_plane(const DeltaPoseRecord& record, const Eigen::Vector3d& up) {
+  const PlanarMotion planar{up.normalized()};
+  DeltaPose delta = restore(record);
+  delta.T_a_b.se3 = planar.project(delta.T_a_b.se3);
+  delta.covariance = planar.restrict_covariance(delta.covariance);
+  delta.plane = planar.code();
+  return *quantise(delta, record.key.agent, record.key.epoch, record.key.seq);
 }
+
+const Eigen::Vector3d kPitched{0.02, -0.9, -0.4};
 
 TEST(RecordCodec, RecordsFitTheirBytes) {
   // Nanosecond stamps, the long form.
   EXPECT_LE(bytes_per_record(chain(100, Stamp{1'033'000'001}), 1000), 100.0);
   EXPECT_LE(bytes_per_record(chain(100, Stamp{1'033'000'001}), 480), 100.0);
   std::vector<DeltaPoseRecord> planar;
-  for (const auto& record : chain(100, Stamp{1'033'000'001})) planar.push_back(flat(record));
-  for (const auto& record : planar) {
-    ASSERT_TRUE(valid(record));
-    ASSERT_TRUE(is_planar(record));
-  }
+  for (const auto& record : chain(100, Stamp{1'033'000'001}))
+    planar.push_back(in_plane(record, kPitched));
+  for (const auto& record : planar) ASSERT_TRUE(valid(record));
   EXPECT_LE(bytes_per_record(planar, 1000), 48.0);
   EXPECT_LE(bytes_per_record(planar, 480), 48.0);
 }
 
 TEST(RecordCodec, ALoneRecordMayAdd24Bytes) {
   const DeltaPoseRecord record = chain(4000, Stamp{1'033'000'001}).back();
-  for (const auto& [one, limit] : {std::pair{record, 124U}, std::pair{flat(record), 72U}}) {
+  for (const auto& [one, limit] :
+       {std::pair{record, 124U}, std::pair{in_plane(record, kPitched), 72U}}) {
     std::array<std::byte, 400> buffer;
     DatagramWriter out{buffer, kHead};
     RecordContext context{1, 7};
@@ -106,7 +106,7 @@ TEST(RecordCodec, GivesBackWhatWasWritten) {
       auto record = quantise(delta, agent, 7U + static_cast<std::uint32_t>(rng() % 2),
                              static_cast<std::uint32_t>(rng() % 5));
       ASSERT_TRUE(record);
-      if (rng() % 3 == 0) *record = flat(*record);
+      if (rng() % 3 == 0) record = in_plane(*record, kPitched);
       records.push_back(*record);
       write_record(writer, writing, *record);
     }
@@ -120,6 +120,24 @@ TEST(RecordCodec, GivesBackWhatWasWritten) {
     }
     EXPECT_EQ(reader.left(), 0U);
   }
+}
+
+// What a plane's record leaves out is what its plane says: a record that says more is none.
+TEST(RecordCodec, APlanesRecordSaysNothingBesides) {
+  const DeltaPoseRecord record = in_plane(chain(1, Stamp{1'033'000'001}).back(), kPitched);
+  ASSERT_TRUE(valid(record));
+  const auto changed = [&](auto change) {
+    DeltaPoseRecord other = record;
+    change(other);
+    return valid(other);
+  };
+  EXPECT_FALSE(changed([](auto& r) { r.translation_m[1] = 1.0F; }));
+  EXPECT_FALSE(changed([](auto& r) { r.rotation_rad[0] = 0.5F; }));
+  EXPECT_FALSE(changed([](auto& r) { r.covariance.sigma[1] = 0x1p-9F; }));
+  EXPECT_FALSE(changed([](auto& r) { r.covariance.pivot[0] = 1; }));
+  EXPECT_FALSE(changed([](auto& r) { r.covariance.shape[0] = 1; }));
+  EXPECT_FALSE(changed([](auto& r) { r.plane = PlaneCode{0x80000000U}; }));  // no direction
+  EXPECT_TRUE(changed([](auto& r) { r.plane = PlanarMotion{{0.0, 0.0, 1.0}}.code(); }));
 }
 
 TEST(RecordCodec, RangesGiveBackWhatWasWritten) {

@@ -12,7 +12,8 @@ namespace maplet {
 namespace {
 
 const Eigen::Vector3d kLevel{0.0, -1.0, 0.0};
-const Eigen::Vector3d kTilted = Eigen::Vector3d{0.1, -0.9, -0.4}.normalized();
+// As a code holds it.
+const Eigen::Vector3d kTilted = PlanarMotion{Eigen::Vector3d{0.1, -0.9, -0.4}.normalized()}.up();
 
 Se3 in_plane(const PlanarMotion& planar, std::mt19937& rng) {
   std::normal_distribution<double> normal;
@@ -46,6 +47,56 @@ TEST(PlanarMotion, OfALevelCameraIsXZAndTheTurnAboutY) {
       EXPECT_EQ(covariance(i, k), i == k ? PlanarMotion::kFlat * PlanarMotion::kFlat : 0.0);
     }
   }
+}
+
+TEST(PlanarMotion, ItsAxesAreRightForwardAndDown) {
+  const PlanarMotion level{kLevel};
+  EXPECT_EQ(Eigen::Vector3d{level.basis().col(0).head<3>()}, Eigen::Vector3d::UnitX());
+  EXPECT_EQ(Eigen::Vector3d{level.basis().col(1).head<3>()}, Eigen::Vector3d::UnitZ());
+  EXPECT_EQ(Eigen::Vector3d{level.basis().col(2).tail<3>()}, Eigen::Vector3d::UnitY());
+  std::mt19937 rng{3};
+  for (const Eigen::Vector3d& up : {kLevel, kTilted, Eigen::Vector3d{1.0, 0.0, 0.0},
+                                    Eigen::Vector3d{0.0, 0.0, 1.0}, Eigen::Vector3d{0, 1, 0}}) {
+    const PlanarMotion planar{up};
+    const Eigen::Matrix3d gram = planar.basis().transpose() * planar.basis();
+    EXPECT_LT((gram - Eigen::Matrix3d::Identity()).norm(), 1e-12);
+    for (int i = 0; i < 20; ++i) {
+      const Se3 T = in_plane(planar, rng);
+      EXPECT_LT((T.inverse() * planar.at(planar.coordinates(T))).log().norm(), 1e-9);
+    }
+  }
+}
+
+TEST(PlanarMotion, WhoeverHoldsTheCodeHoldsThePlane) {
+  std::mt19937 rng{4};
+  std::normal_distribution<double> normal;
+  for (int i = 0; i < 1000; ++i) {
+    const Eigen::Vector3d up = Eigen::Vector3d{normal(rng), normal(rng), normal(rng)}.normalized();
+    const PlanarMotion planar{up};
+    EXPECT_LT(planar.up().cross(up).norm(), 6.6e-5);
+    EXPECT_TRUE(valid(planar.code()));
+    EXPECT_NE(planar.code(), PlaneCode::kSpace);
+    const PlanarMotion again{planar.code()};
+    EXPECT_EQ(again.up(), planar.up());
+    EXPECT_EQ(again.basis(), planar.basis());
+    EXPECT_EQ(PlanarMotion{planar.up()}.code(), planar.code());
+  }
+  EXPECT_TRUE(valid(PlaneCode::kSpace));
+  EXPECT_FALSE(valid(PlaneCode{0x80000000U}));
+}
+
+// A camera that climbs: what is said of its way across is worth less by as much.
+TEST(PlanarMotion, WhatIsFarOutOfThePlaneWidensWhatIsSaidOfWithin) {
+  const PlanarMotion planar{kTilted};
+  const Matrix6d covariance = 1e-6 * Matrix6d::Identity();
+  Se3 climbed;
+  climbed.t = 0.002 * planar.up();
+  EXPECT_NEAR(planar.condition(climbed, covariance).covariance.trace(),
+              planar.condition({}, covariance).covariance.trace(), 1e-9);
+  climbed.t = 0.1 * planar.up();
+  EXPECT_GT(planar.basis().col(0).dot(planar.condition(climbed, covariance).covariance *
+                                      planar.basis().col(0)),
+            100e-6);
 }
 
 // Errors in and out of the plane that go together: the latter tell the former.

@@ -157,7 +157,7 @@ TEST(PlaneMap, CellsSeenThroughTheSettledPlaneGo) {
 TEST(MapletBuilder, UpIsFoundOnTheFloorGivenOrUnknown) {
   const auto up_of_first = [](const Vector3OrAuto& up, const std::vector<test::Wall>& walls) {
     Walk walk{{}, walls};
-    walk.builder().know_up(up);
+    walk.builder().know_up({up});
     for (int i = 0; i < 4; ++i) walk.step(camera(1.5 + 0.1 * i, 2.5, 0.0));
     walk.finish();
     return Eigen::Vector3d{walk.maplets.at(0).maplet->up};
