@@ -116,6 +116,7 @@ bool Agent::restore(const MapletKey& key, std::span<const std::byte> bytes) noex
   const auto named = key_of(bytes);
   if (!named || *named != key || !store_.put(key, bytes)) return false;
   skeleton_.add(key);
+  if (plane_ && decode(bytes, *older_)) plane_->go_on(older_->up);
   return true;
 }
 
@@ -196,6 +197,7 @@ void Agent::take(const MapletCut& closed, Deadline deadline) noexcept {
           return registrar_.link(*previous_, closed.maplet, closed.link, until);
         });
     record_and_add(link, deadline);
+    encounters_.note_fit(registrar_.fit());
     if (loose(link.covariance)) encounters_.begin_part(key.id);
   }
   map_frame_.hang_from(key, closed.T_odom_origin);

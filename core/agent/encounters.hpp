@@ -66,6 +66,9 @@ class Encounters {
   /// This agent cut a maplet.
   void add_own(const Maplet& maplet) noexcept;
 
+  /// How well the planes of two own maplets in a row fit: PlaceVerifier::note_fit().
+  void note_fit(double chi2_per_dof) noexcept { verifier_.note_fit(chi2_per_dof); }
+
   [[nodiscard]] bool holds(const MapletKey& key) const noexcept {
     return foreign_.find(key).has_value();
   }

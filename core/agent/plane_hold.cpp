@@ -5,8 +5,14 @@ namespace maplet {
 
 const PlanarMotion& PlaneHold::fix(const PatchSet& first_view) noexcept {
   const FirstUp first = first_up(first_view, mounting_);
-  from_ = first.from;
+  if (from_ != UpSource::kMission) from_ = first.from;
   return planar_.emplace(first.up);
+}
+
+void PlaneHold::go_on(const Eigen::Vector3d& up) noexcept {
+  if (planar_ || mounting_.up || up.isZero()) return;
+  mounting_.up = std::array{up.x(), up.y(), up.z()};
+  from_ = UpSource::kMission;
 }
 
 void PlaneHold::hold(Track& track) noexcept {

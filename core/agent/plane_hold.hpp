@@ -21,6 +21,9 @@ class PlaneHold {
   explicit PlaneHold(const Mounting& mounting) noexcept : mounting_{mounting} {}
 
   [[nodiscard]] bool fixed() const noexcept { return planar_.has_value(); }
+  /// A mission goes on, and its maplets say what plane it is in: the views of two starts would
+  /// differ by what one of them is off.
+  void go_on(const Eigen::Vector3d& up) noexcept;
   /// Before the first keyframe is made. @return the plane from now on
   const PlanarMotion& fix(const PatchSet& first_view) noexcept;
   /// Brings a frame's pose into the plane.

@@ -36,7 +36,7 @@ Eigen::Vector3d up_of(const PatchSet& set, const Eigen::Vector3d& expected,
 }
 
 std::string_view to_string(UpSource source) noexcept {
-  constexpr std::string_view kNames[] = {"given", "floor", "mounting"};
+  constexpr std::string_view kNames[] = {"given", "floor", "mounting", "mission"};
   return kNames[static_cast<std::size_t>(source)];
 }
 

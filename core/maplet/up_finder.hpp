@@ -25,7 +25,7 @@ struct Mounting {
 };
 
 /// Who said which way is up.
-enum class UpSource : std::uint8_t { kGiven, kFloor, kMounting };
+enum class UpSource : std::uint8_t { kGiven, kFloor, kMounting, kMission };
 [[nodiscard]] std::string_view to_string(UpSource source) noexcept;
 
 /// Up in the first view: as given; or what a floor or ceiling within 0.6 rad of the expected shows;

@@ -78,6 +78,9 @@ Stop PlaceVerifier::add(const Maplet& a, const Maplet& b, const PlaceCompare::Gu
   for (PlaceHypothesis& h : hypotheses_.subspan(first, count_ - first)) {
     h.alone = judge_alignment(h.alignment, h.evidence, Prior::kNone, config_);
     h.guessed = judge_alignment(h.alignment, h.evidence, Prior::kGuess, config_);
+    if (h.alone.verdict == Verdict::kAccept && h.alignment.chi2_per_dof > usual_.limit()) {
+      h.alone = {Verdict::kUndecided, "the planes fit worse than those of one path do"};
+    }
     if (h.guessed.verdict == Verdict::kAccept && !known_closely(h.alignment, config_)) {
       h.guessed = kNotClosely;
     }

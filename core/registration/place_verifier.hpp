@@ -10,6 +10,7 @@
 #include "core/registration/evidence.hpp"
 #include "core/registration/icap.hpp"
 #include "core/registration/place_compare.hpp"
+#include "core/registration/usual_fit.hpp"
 #include "core/registration/verdict.hpp"
 
 namespace maplet {
@@ -54,6 +55,10 @@ class PlaceVerifier {
   /// As Icap::hold_to(), of what is added from now on.
   void hold_to(const PlanarMotion& planar) noexcept { icap_->hold_to(planar); }
 
+  /// Two consecutive maplets' planes fit like that: what is found from now on may not fit far
+  /// worse.
+  void note_fit(double chi2_per_dof) noexcept { usual_.note(chi2_per_dof); }
+
   /// Aligns b to a from each guess and keeps what comes out best.
   /// @return Stop::kDeadline when not all guesses were tried: the pair stays undecided
   Stop add(const Maplet& a, const Maplet& b, const PlaceCompare::Guesses& guesses,
@@ -84,6 +89,7 @@ class PlaceVerifier {
   std::size_t count_ = 0;
   std::uint64_t dropped_ = 0;
   Arena::Owned<Icap> icap_;
+  UsualFit usual_;
 };
 
 }  // namespace maplet

@@ -26,6 +26,7 @@ Registrar::Registrar(const RegistrationConfig& config, Arena& arena)
 DeltaPose Registrar::link(const Maplet& previous, const Maplet& current, const PathLink& odometry,
                           Deadline deadline) noexcept {
   ++counts_.links;
+  fit_ = std::numeric_limits<double>::quiet_NaN();
   DeltaPose out = fuse(previous, current, odometry, deadline);
   if (planar_) {
     out.T_a_b = Transform<MapletA, MapletB>{planar_->project(out.T_a_b.se3)};
@@ -69,6 +70,7 @@ DeltaPose Registrar::fuse(const Maplet& previous, const Maplet& current, const P
       intersect(out.T_a_b.se3, odometry.covariance, planes->T_a_b.se3, planes->information);
   out.T_a_b = Transform<MapletA, MapletB>{fused.T};
   out.covariance = fused.covariance;
+  fit_ = planes->chi2_per_dof;
   out.overlap = static_cast<float>(planes->overlap);
   out.matches = planes->matches;
   return out;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <optional>
 
 #include "core/base/arena.hpp"
@@ -43,6 +44,9 @@ class Registrar {
     icap_->hold_to(planar);
   }
 
+  /// How well the planes of the newest link's maplets fit (MapletAlignment::chi2_per_dof); NaN
+  /// where they decided nothing.
+  [[nodiscard]] double fit() const noexcept { return fit_; }
   [[nodiscard]] const RegistrarCounts& counts() const noexcept { return counts_; }
 
  private:
@@ -53,6 +57,7 @@ class Registrar {
   Arena::Owned<Icap> icap_;
   std::optional<PlanarMotion> planar_;
   RegistrarCounts counts_;
+  double fit_ = std::numeric_limits<double>::quiet_NaN();
 };
 
 /// Fuses two estimates of one transform whose errors may be correlated in any way: covariance

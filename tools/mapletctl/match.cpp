@@ -7,6 +7,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "core/registration/icap.hpp"
 #include "core/registration/place_index.hpp"
 #include "core/registration/place_verifier.hpp"
 #include "tools/files/maplet_file.hpp"
@@ -115,6 +116,19 @@ Tried propose(const Side& a, const Side& b) {
   return tried;
 }
 
+// How well planes fit that are surely the same: those of consecutive maplets.
+void note_fits(const Side& side, const RegistrationConfig& config, PlaceVerifier& verifier) {
+  const auto icap = std::make_unique<Icap>(config);
+  for (std::size_t i = 1; i < side.maplets.size(); ++i) {
+    Se3 T_a_b;
+    if (!files::shared_keyframe(*side.maplets[i - 1], *side.maplets[i], T_a_b)) continue;
+    const auto found =
+        icap->align(*side.maplets[i - 1], *side.maplets[i], Transform<MapletA, MapletB>{T_a_b},
+                    config.link_gate_m, config.link_gate_rad, Deadline::never());
+    if (found) verifier.note_fit(found->chi2_per_dof);
+  }
+}
+
 bool says(const PlaceHypothesis& h, const Pair& pair) {
   return h.a.id == pair.first && h.b.id == pair.second;
 }
@@ -194,6 +208,7 @@ void run(const Options& options) {
   Arena arena;
   const std::size_t pairs = a.maplets.size() * b.maplets.size();
   PlaceVerifier verifier{config, 2 * PlaceVerifier::kPerPair * pairs, arena};
+  for (const Side* side : {&a, &b}) note_fits(*side, config, verifier);
   verify(a, b, propose(a, b), options.planar, verifier);
   verifier.judge(relations);
   const Tried near = propose_near(a, b, verifier, relations);

@@ -42,19 +42,6 @@ Se3 parse_guess(const std::vector<double>& g) {
   return T;
 }
 
-// Maplets of one path share keyframes: their stamps tell.
-bool shared_keyframe(const Maplet& a, const Maplet& b, Se3& T_a_b) {
-  if (a.key.agent != b.key.agent || a.key.epoch != b.key.epoch) return false;
-  for (const MapletKeyframe& ka : a.keyframes) {
-    for (const MapletKeyframe& kb : b.keyframes) {
-      if (ka.stamp != kb.stamp) continue;
-      T_a_b = ka.T_maplet_camera.se3 * kb.T_maplet_camera.se3.inverse();
-      return true;
-    }
-  }
-  return false;
-}
-
 Json vector_json(const double* values, int count) {
   Json out = Json::array();
   for (int i = 0; i < count; ++i) out.push_back(values[i]);
@@ -157,7 +144,7 @@ void run(const Options& options) {
   Se3 guess;
   const bool guessed = !options.guess.empty();
   if (guessed) guess = parse_guess(options.guess);
-  const bool linked = !guessed && shared_keyframe(*a, *b, guess);
+  const bool linked = !guessed && files::shared_keyframe(*a, *b, guess);
   const double gate_m = linked ? config.link_gate_m : config.gate_m;
   const double gate_rad = linked ? config.link_gate_rad : config.gate_rad;
   const MonotonicClock clock;

@@ -171,6 +171,31 @@ TEST(PlaceVerifier, AcceptsTheSamePlaceOnly) {
   EXPECT_EQ(accepted, 1);
 }
 
+// Another room by the same builder: everything is there, a little off. How much is too much, the
+// run's own maplets say.
+TEST(PlaceVerifier, WhatFitsWorseThanOnOnePathIsUndecided) {
+  const Se3 T_world_a = test::camera_at({-1.5, 0.2, 1.2}, 0.1);
+  const Se3 T_world_b = test::camera_at({-1.2, -0.3, 1.1}, 0.4);
+  const auto a = view(furnished(7), T_world_a, 1, 0);
+  const auto b = view(furnished(7), T_world_b, 2, 0);
+  constexpr double kOff_m = 0.0135;
+  for (MapletPlane& p : b->planes) p.plane.d += p.id % 2 == 0 ? kOff_m : -kOff_m;
+  PlaceCompare::Guesses guesses;
+  guesses.push_back({T_world_a.inverse() * T_world_b, 1.0F});
+  const auto judged = [&](double usual) {
+    Arena arena;
+    PlaceVerifier verifier{{}, 4, arena};
+    verifier.note_fit(usual);
+    verifier.add(*a, *b, guesses, Deadline::never());
+    verifier.judge(NoRelations{});
+    EXPECT_GT(verifier.hypotheses().front().alignment.chi2_per_dof, 0.75);
+    return verifier.hypotheses().front().judgement;
+  };
+  EXPECT_EQ(judged(1.0).verdict, Verdict::kAccept);
+  EXPECT_EQ(judged(0.1).verdict, Verdict::kUndecided);
+  EXPECT_EQ(judged(0.1).reason, "the planes fit worse than those of one path do");
+}
+
 // The same furniture twice, half a turn apart: what fits here fits there.
 TEST(PlaceVerifier, SymmetricRoomIsUndecided) {
   auto walls = furnished(7);
