@@ -75,17 +75,21 @@ int Condenser<Space>::hub_of(const Star& star, double& spread) noexcept {
   return hub;
 }
 
-// The node that its hub tells best, dearer the more neighbours it relates.
+// The node that its hub tells best, dearer the more neighbours it relates. Until finish() what
+// takes the place of its factors needs room beside them.
 template <class Space>
 int Condenser<Space>::least_informative() const noexcept {
   const auto& g = graph_.graph();
+  const int room = g.max_factors() - g.factor_count();
   Star star;
   int least = -1;
   double lowest = 0.0;
   for (int i = 0; i < g.node_end(); ++i) {
     const Node<Space>& n = g.node(i);
     if (!n.used || n.retired || n.keep || n.point || n.group == i) continue;
-    if (!star_of(i, star)) continue;
+    int factors = 0;
+    g.for_each_incident(i, [&](int, int) { ++factors; });
+    if (factors > room || !star_of(i, star)) continue;
     double spread = 0.0;
     (void)hub_of(star, spread);
     const double score = spread * std::max<double>(1.0, static_cast<double>(star.size()) - 1.0);
@@ -273,14 +277,14 @@ bool Condenser<Space>::make_room(int nodes, int factors) noexcept {
   }
   const int wanted = g.node_count() + nodes - g.max_nodes();
   if (wanted <= 0) return has_room(nodes, factors);
+  const bool room = g.factor_count() + factors <= g.max_factors();
   const int batch = std::max(wanted, g.max_nodes() / 64);
   for (int k = 0; k < batch && gone_count_ < static_cast<int>(gone_.size()); ++k) {
-    if (g.factor_count() + kMostNeighbours > g.max_factors()) break;
     const int node = least_informative();
     if (node < 0) break;
     contract(node);
   }
-  return gone_count_ >= wanted;
+  return room && gone_count_ >= wanted;
 }
 
 template <class Space>

@@ -49,6 +49,7 @@ class Run {
   static constexpr int kLooks = 50;  ///< updates between looks at a second start
   static constexpr std::int64_t kWorkInTime = 240'000;
   static constexpr double kShareWhenFull = 0.05;
+  static constexpr double kStepShare = 3e-3;
   static constexpr double kSame = 1e-6;        ///< of chi2: the same end
   static constexpr double kWorthwhile = 1e-3;  ///< of chi2: it is still on its way
 
@@ -61,6 +62,7 @@ class Run {
     for (const Vertex& v : file.vertices) start_.try_emplace(v.id, v.pose);
     arena_ = roomy_arena(std::uint64_t{1} << 34);
     SolvePolicy policy;
+    if (file.planar && !options.robust) policy.step_share = kStepShare;
     // Nodes are taken out as they stand: what waits would be frozen before it has had its say.
     if (options.max_nodes > 0) policy.defer_share = kShareWhenFull;
     // A time that is given is the limit: the work that is the limit without it takes half of 2 ms.
@@ -109,8 +111,19 @@ class Run {
     return found;
   }
 
+  [[nodiscard]] bool fits(const Edge& e) const {
+    const auto& graph = solver_->graph();
+    int nodes = table_->has(e.a) ? 0 : 1;
+    if (e.kind != FactorKind::kPrior && e.a != e.b && !table_->has(e.b)) ++nodes;
+    return !graph.factors_full() && graph.node_count() + nodes <= graph.max_nodes();
+  }
+
   void add(int edge) {
     const Edge& e = file_.edges[edge];
+    if (!fits(e)) {  // all there is holds the graph together, or stays
+      ++outcome_.lost_edges;
+      return;
+    }
     add_node(e.a);
     if (measure::is_sight(e.kind)) return add_sight(e, edge);
     add_node(e.b);
@@ -268,7 +281,7 @@ class Run {
       timed([&] {
         const Deadline end = deadline();
         table_->make_room(
-            coming, static_cast<int>(i - first),
+            coming, std::min(static_cast<int>(i - first), solver_->graph().max_factors() / 4),
             [&](int node) {
               if (closures_) closures_->forget_node(node);
             },

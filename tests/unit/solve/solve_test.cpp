@@ -143,6 +143,22 @@ TEST(Solve, AChainLosesNothingWhenItIsContracted) {
   }
 }
 
+// One pose sees more of the others than the graph has room for factors.
+TEST(Solve, MoreEdgesAtOnceThanThereIsRoomForAreLostAndCounted) {
+  GraphFile graph;
+  graph.planar = true;
+  for (std::uint64_t i = 0; i < 500; ++i)
+    graph.edges.push_back(planar_edge(i, i + 1, 1.0, 0.0, 0.0));
+  for (std::uint64_t i = 0; i < 450; ++i)
+    graph.edges.push_back(planar_edge(i, 500, 500.0 - static_cast<double>(i), 0.0, 0.0));
+  SolveOptions options;
+  options.max_nodes = 16;
+  const SolveOutcome out = solve(graph, options);
+  EXPECT_LE(out.solution.vertices.size(), 16u);
+  EXPECT_GT(out.lost_edges, 0u);
+  EXPECT_LT(out.chi2, 1e-6);
+}
+
 TEST(Solve, TenThousandPosesReachTheBatchOptimum) {
   const GraphFile graph = city(10'000, 25, 0.03, 7);
   const SolveOutcome incremental = solve(graph, {});
