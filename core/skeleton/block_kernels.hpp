@@ -114,20 +114,24 @@ inline void subtract_transposed_times(double* y, const double* l, const double* 
 /// x = c^-1 x.
 template <int D>
 inline void solve_lower(const double* c, double* x) noexcept {
+  double inverse[D];  // none waits for another
+  for (int i = 0; i < D; ++i) inverse[i] = 1.0 / c[i + D * i];
   for (int i = 0; i < D; ++i) {
     double v = x[i];
     for (int k = 0; k < i; ++k) v -= c[i + D * k] * x[k];
-    x[i] = v / c[i + D * i];
+    x[i] = v * inverse[i];
   }
 }
 
 /// x = c^-T x.
 template <int D>
 inline void solve_lower_transposed(const double* c, double* x) noexcept {
+  double inverse[D];
+  for (int i = 0; i < D; ++i) inverse[i] = 1.0 / c[i + D * i];
   for (int i = D - 1; i >= 0; --i) {
     double v = x[i];
     for (int k = i + 1; k < D; ++k) v -= c[k + D * i] * x[k];
-    x[i] = v / c[i + D * i];
+    x[i] = v * inverse[i];
   }
 }
 

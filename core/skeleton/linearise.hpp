@@ -25,8 +25,8 @@ template <class Space>
 
 /// information * e.
 template <class Space>
-[[nodiscard]] typename Space::Tangent weigh(const Factor<Space>& f,
-                                            const typename Space::Tangent& e) noexcept {
+[[nodiscard, gnu::always_inline]] inline typename Space::Tangent weigh(
+    const Factor<Space>& f, const typename Space::Tangent& e) noexcept {
   typename Space::Tangent out = Space::Tangent::Zero();
 #pragma GCC unroll 6
   for (int r = 0; r < Space::kDim; ++r) {

@@ -115,8 +115,8 @@ void sight_jacobians(FactorKind kind, const typename Space::Pose& rel, typename 
 }
 
 template <class Space>
-[[nodiscard]] typename Space::Tangent error(const Factor<Space>& f,
-                                            const typename Space::Pose& rel) noexcept {
+[[nodiscard, gnu::always_inline]] inline typename Space::Tangent error(
+    const Factor<Space>& f, const typename Space::Pose& rel) noexcept {
   if (is_sight(f.kind)) return sight_error(f.kind, f.z, rel);
   return Space::error(f.z, rel);
 }

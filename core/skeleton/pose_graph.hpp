@@ -27,6 +27,7 @@ struct SolvePolicy {
   double step_share = 1e-3;
   double step_gain = 1e-6;
   /// Limit of one update, in units of Allowance; the rest is carried over. 0: 2 ms or 3 (space).
+  /// When idle half as much again.
   std::int64_t work_per_update = 0;
 };
 

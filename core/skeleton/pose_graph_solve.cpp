@@ -52,9 +52,10 @@ bool PoseGraph<Space>::flush(Deadline deadline) noexcept {
 template <class Space>
 SolveReport PoseGraph<Space>::update(Deadline deadline, int max_iterations) noexcept {
   using Step = typename Stepper<Space>::Result;
-  Allowance allowance{deadline, policy_.work_per_update};
-  SolveReport report;
   const bool idle = !new_input_;
+  const std::int64_t work = policy_.work_per_update;
+  Allowance allowance{deadline, idle ? work + work / 2 : work};
+  SolveReport report;
   // Where a step has just been made and not been looked at, nothing is to be fitted.
   if (new_input_ && !stepper_.unverified() && !elimination_.contains(newest_)) relax(newest_);
   new_input_ = false;

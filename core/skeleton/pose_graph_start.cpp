@@ -131,22 +131,23 @@ Stop PoseGraph<Space>::start_anew(Deadline deadline) noexcept {
         return Stop::kIterationLimit;
     begin_relaxed(Model::kRotations);
   }
-  Allowance allowance{deadline, policy_.work_per_update};
-  const auto result = elimination_.run(allowance);
-  if (result == Elimination<Space>::Result::kDeadline) return Stop::kDeadline;
-  const bool turning = relaxed_ == Model::kRotations;
-  relaxed_ = Model::kExact;
-  settled_ = false;
-  refresh_ = job_first_ = wants_step_ = true;
-  if (result == Elimination<Space>::Result::kFull) {
-    overcome_overflow();
-    return Stop::kIterationLimit;
-  }
-  finish_job();
-  if (turning) {
+  Allowance allowance{deadline, policy_.work_per_update + policy_.work_per_update / 2};
+  for (;;) {
+    const auto result = elimination_.run(allowance);
+    if (result == Elimination<Space>::Result::kDeadline) return Stop::kDeadline;
+    const bool turning = relaxed_ == Model::kRotations;
+    relaxed_ = Model::kExact;
+    settled_ = false;
+    refresh_ = job_first_ = wants_step_ = true;
+    if (result == Elimination<Space>::Result::kFull) {
+      overcome_overflow();
+      return Stop::kIterationLimit;
+    }
+    finish_job();
+    if (!turning) break;
     turn_relaxed();
     begin_relaxed(Model::kPositions);
-    return Stop::kDeadline;
+    (void)allowance.spend(Stepper<Space>::kFactorWork * graph_.factor_count());
   }
   place_relaxed();
   (void)chi2();

@@ -69,7 +69,7 @@ class Stepper {
   void conclude() noexcept;
   /// The factor at hand is new: no step was misled by it yet.
   void distrust_nothing() noexcept {
-    last_power_ = expected_ = 0.0;
+    last_power_ = expected_ = loss_ = 0.0;
     careful_ = false;
   }
 

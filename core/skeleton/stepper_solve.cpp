@@ -120,13 +120,20 @@ void Stepper<Space>::mark_paths(double threshold) noexcept {
   int kept = 0;
   for (int k = 0; k < seed_count_; ++k) {
     const int n = seeds_[k];
-    Tangent y = state_[n].gradient;
-    if (!elimination_.contains(n)) {
+    if (!elimination_.contains(n) || state_[n].marked == stamp_) {
       seeds_[kept++] = n;
       continue;
     }
-    block::solve_lower<kDim>(pool.block(pool.start(n)), y.data());
-    if (y.squaredNorm() > threshold) {
+    Tangent y = state_[n].gradient;
+    const double* pivot = pool.block(pool.start(n));
+    // |C^-1 g|^2 > |g|^2 / |C|^2: mostly that is enough.
+    bool counts =
+        y.squaredNorm() > threshold * Eigen::Map<const typename Space::Block>{pivot}.squaredNorm();
+    if (!counts) {
+      block::solve_lower<kDim>(pivot, y.data());
+      counts = y.squaredNorm() > threshold;
+    }
+    if (counts) {
       seeds_[kept++] = n;
       mark(n);
     } else {
