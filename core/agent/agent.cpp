@@ -96,8 +96,6 @@ Step Agent::step(const DepthFrame& full_frame, Deadline deadline) noexcept {
 
 void Agent::fix_plane(const PatchSet& first_view) noexcept {
   const PlanarMotion& planar = plane_->fix(first_view);
-  const Eigen::Vector3d& up = planar.up();
-  builder_.know_up({std::array{up.x(), up.y(), up.z()}, up});
   builder_.hold_to(planar);
   registrar_.hold_to(planar);
   closures_.hold_to(planar);

@@ -237,7 +237,7 @@ const MapletCut* MapletBuilder::cut(CutReason reason, Deadline deadline) noexcep
     draft_->clear();
     draft_->key = key_;
     draft_->stamp = members_.front().stamp;
-    draft_->up = up_.at(members_.front().T_odom_camera);
+    draft_->up = planar_ ? planar_->up() : up_.at(members_.front().T_odom_camera);
     for (const Member& m : members_) {
       draft_->keyframes.push_back(
           {m.stamp, Transform<MapletFrame, CameraFrame>{m.T_origin_camera}});

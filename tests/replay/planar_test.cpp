@@ -125,6 +125,22 @@ TEST_F(Planar, RegisterAndMatchCanBeHeldToThePlane) {
   EXPECT_GT(pairs, 0);
 }
 
+// Two starts of one mission are in one plane: what the first view of the second shows is not asked.
+TEST_F(Planar, AMissionKeepsItsPlane) {
+  const auto start = [&](const char* out, const char* phase) {
+    const Finished done =
+        map_it(std::string{"sim:loop?seed=3&frames=200&width=320&phase="} + phase, dir_ / out,
+               {"--set", "motion=planar", "--state", (dir_ / "state").string()});
+    EXPECT_EQ(done.exit_code, 0) << done.err;
+    return report_of(dir_ / out)["tracking"]["plane"];
+  };
+  const json first = start("first", "0.1");
+  const json second = start("second", "0.6");
+  EXPECT_EQ(first["from"], "floor");
+  EXPECT_EQ(second["from"], "mission");
+  EXPECT_EQ(first["up"], second["up"]);
+}
+
 TEST_F(Planar, ATiltedCameraMovesInTheFloorsPlaneAndAutoFindsIt) {
   map("sim:room?seed=2&frames=200&width=320&wobble=0", "auto");
   ASSERT_GE(delta_poses(dir_ / "out").size(), 1U);
