@@ -97,7 +97,7 @@ void PhotoTerm::add_scores(const Se3& T_odom_camera, ScoreBlocks& blocks) noexce
           const Vector6d score = (w * residual) * J;
           const auto block = score_block(u, v, camera.width_px, camera.height_px);
           own.add(block, score);
-          blocks.add(block, score / inflation_);
+          blocks.add(block, score / inflation_, inflation_ * 2.0 / (kPhotoTailDof + 1.0));
           information += (w * J) * J.transpose();
         });
   Vector6d unit;

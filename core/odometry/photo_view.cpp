@@ -38,8 +38,9 @@ double smooth_depth(const DepthFrame& frame, const PatchSet& patches, int u, int
   return std::abs(fitted - measured) < kOffPatch * measured ? fitted : measured;
 }
 
-// Intensity at (u, v) of a level and steepness at the pixel nearest to it, or nothing near its
-// border. A place is a whole pixel up to rounding: which neighbour is the first must not tell.
+// Intensity and steepness at (u, v) of a level, or nothing near its border. Both are interpolated
+// alike: the noise of the one must not be that of the other, or the steepest points are those whose
+// noise pushes them to one side.
 bool look(const GrayPyramid::Level& level, double u, double v, float& intensity,
           float& steepness) noexcept {
   const int width = level.camera.width_px;
@@ -49,15 +50,16 @@ bool look(const GrayPyramid::Level& level, double u, double v, float& intensity,
   const float a = static_cast<float>(u - column);
   const float b = static_cast<float>(v - row);
   const std::uint8_t* p = level.pixels + row * width + column;
-  const float top = static_cast<float>(p[0]) * (1.0F - a) + static_cast<float>(p[1]) * a;
-  const float low =
-      static_cast<float>(p[width]) * (1.0F - a) + static_cast<float>(p[width + 1]) * a;
-  intensity = top * (1.0F - b) + low * b;
-  const std::uint8_t* q =
-      level.pixels + static_cast<int>(v + 0.5) * width + static_cast<int>(u + 0.5);
-  const int gx = q[1] - q[-1];
-  const int gy = q[width] - q[-width];
-  steepness = static_cast<float>(std::abs(gx) + std::abs(gy));
+  const auto along = [a](const std::uint8_t* q) {
+    return (1.0F - a) * static_cast<float>(q[0]) + a * static_cast<float>(q[1]);
+  };
+  const float here = along(p);
+  const float below = along(p + width);
+  intensity = (1.0F - b) * here + b * below;
+  const float gx = (1.0F - b) * (along(p + 1) - along(p - 1)) +
+                   b * (along(p + width + 1) - along(p + width - 1));
+  const float gy = (1.0F - b) * (below - along(p - width)) + b * (along(p + 2 * width) - here);
+  steepness = std::abs(gx) + std::abs(gy);
   return true;
 }
 
@@ -87,7 +89,7 @@ void PhotoView::assign(const DepthFrame& frame, const PatchSet& patches, const P
     for (int y = 0; y < rows * probes; ++y) {
       const int v = (2 * y + 1) * height / (2 * rows * probes);
       for (int x = 0; x < columns * probes; ++x) {
-        const int u = (2 * x + 1) * width / (2 * columns * probes);
+        const int u = (2 * x + 1) * width / (2 * columns * probes) - ((x + y) & 1);
         const double z = smooth_depth(frame, patches, u, v);
         if (z <= 0.0) continue;
         const Eigen::Vector3d p = z * frame.camera.ray(u, v);

@@ -17,6 +17,7 @@ constexpr double kSpurious = 2.0;  // information must exceed that of noisy norm
 // as if that had been seen in this many regions.
 constexpr double kShrinkBlocks = 12.0;
 constexpr double kLeastInflation = 0.05;
+constexpr double kMostYielded = 0.5;
 constexpr double kNull = 1e-6;  // eigenvalues below are the null space of a projection
 
 }  // namespace
@@ -78,7 +79,11 @@ Matrix6d ScoreBlocks::calibrate(const Matrix6d& claimed, const Vector6d& scale) 
     const Vector6d u = white.basis.col(i).cwiseQuotient(scale);  // eigenvector / sqrt(value)
     root.col(i) = u.cwiseQuotient(scale) / u.squaredNorm();
   }
-  const Matrix6d out = root * drawn.inverse() * root.transpose();
+  const Matrix6d yielded = yielded_.selfadjointView<Eigen::Lower>();
+  // Eq. 14a: what the scores answer to a shift is less than what they claim.
+  const double lost = (white.basis.transpose() * yielded * white.basis).trace() / white.kept;
+  const double left = 1.0 - std::min(kMostYielded, lost);
+  const Matrix6d out = left * left * (root * drawn.inverse() * root.transpose());
   return 0.5 * (out + out.transpose());
 }
 

@@ -48,9 +48,13 @@ class ScoreBlocks {
   static constexpr int kRows = 4;
 
   void clear() noexcept { *this = ScoreBlocks{}; }
-  void add(std::size_t block, const Vector6d& score) noexcept {
+  /// @param yield  of what the score claims, the share that its residual takes back as it grows and
+  ///   its weight falls: 2 / (nu + its dimension) where it is t-distributed, 0 where weights stay;
+  ///   times whatever the score was divided by
+  void add(std::size_t block, const Vector6d& score, double yield = 0.0) noexcept {
     sums_[block] += score;
     used_[block] = true;
+    if (yield > 0.0) yielded_.selfadjointView<Eigen::Lower>().rankUpdate(score, yield);
   }
   /// The information that the regions' disagreement leaves of `claimed` (may be singular: its null
   /// space is kept).
@@ -61,6 +65,7 @@ class ScoreBlocks {
  private:
   std::array<Vector6d, kColumns* kRows> sums_ = zeros();
   std::array<bool, kColumns * kRows> used_{};
+  Matrix6d yielded_ = Matrix6d::Zero();  ///< lower triangle; eq. 14a
 
   static std::array<Vector6d, kColumns * kRows> zeros() noexcept {
     std::array<Vector6d, kColumns * kRows> out;

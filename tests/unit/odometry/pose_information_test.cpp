@@ -6,6 +6,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <random>
+#include <vector>
 
 #include "core/odometry/running_ratio.hpp"
 #include "core/odometry/sym3.hpp"
@@ -63,6 +64,50 @@ TEST(ScoreBlocks, KeepTheNullSpaceOfTheClaim) {
   const Matrix6d information = kept * claimed() * kept;
   const Matrix6d out = scores(claimed(), 1.0, rng).calibrate(information, kScale);
   EXPECT_LT(std::abs(axis.dot(out * axis)), 1e-6 * out.trace());
+}
+
+// Errors of a fit to t-distributed residuals, squared over what the regions say, per degree of
+// freedom. Information: the sum of the weights, as the alignment has it.
+double squared_over_claim(double yield, std::mt19937& rng) {
+  constexpr double kNu = 5.0;
+  constexpr int kResiduals = 480;
+  std::normal_distribution<double> normal;
+  std::student_t_distribution<double> tail{kNu};
+  std::vector<Vector6d> J(kResiduals);
+  std::vector<double> noise(kResiduals);
+  for (int i = 0; i < kResiduals; ++i) {
+    for (int k = 0; k < 6; ++k) J[i][k] = 1e3 * normal(rng);
+    noise[i] = tail(rng);
+  }
+  Vector6d off = Vector6d::Zero();
+  Matrix6d information;
+  ScoreBlocks blocks;
+  for (int round = 0; round < 30; ++round) {
+    information.setZero();
+    blocks.clear();
+    Vector6d gradient = Vector6d::Zero();
+    for (int i = 0; i < kResiduals; ++i) {
+      const double r = noise[i] - J[i].dot(off);
+      const double w = (kNu + 1.0) / (kNu + r * r);
+      information += w * J[i] * J[i].transpose();
+      gradient += w * r * J[i];
+      blocks.add(static_cast<std::size_t>(i % 24), w * r * J[i], yield);
+    }
+    off += information.inverse() * gradient;
+  }
+  return off.dot(blocks.calibrate(information, kScale) * off) / 6.0;
+}
+
+TEST(ScoreBlocks, KnowThatWeightsFallAsResidualsGrow) {
+  constexpr int kDraws = 300;
+  std::mt19937 rng{6};
+  double nees = 0.0;
+  for (int i = 0; i < kDraws; ++i) nees += squared_over_claim(2.0 / 6.0, rng) / kDraws;
+  EXPECT_NEAR(nees, 1.0, 0.2);
+  rng.seed(6);
+  double as_if_they_stayed = 0.0;
+  for (int i = 0; i < kDraws; ++i) as_if_they_stayed += squared_over_claim(0.0, rng) / kDraws;
+  EXPECT_GT(as_if_they_stayed, 1.4);
 }
 
 TEST(RunningRatio, BeginsAtOneAndFollowsWhatIsSeen) {
