@@ -36,6 +36,7 @@ std::string mounting_doubt(const BodyConfig& body) {
 Line plane_doubt(const std::optional<PlaneHold::Report>& plane) noexcept {
   constexpr std::uint64_t kFew = 100;
   constexpr std::uint64_t kOften = 20;  // one frame of so many
+  constexpr double kTilted_rad = 0.014;
   if (!plane) return {};
   if (plane->of >= kFew && plane->off * kOften > plane->of) {
     return line(
@@ -43,6 +44,12 @@ Line plane_doubt(const std::optional<PlaneHold::Report>& plane) noexcept {
         "plane since their keyframe: it climbs (motion = 3d), or body.up is wrong",
         plane->off, plane->of, PlaneHold::Report::kOff_m * 100.0,
         PlaneHold::Report::kOff_rad * 57.29577951308232);
+  }
+  if (plane->floor_off_rad > kTilted_rad) {
+    return line(
+        "motion = planar, but the floor that the first view shows is {:.1f} deg from body.up: "
+        "measure it again, or leave it to auto",
+        plane->floor_off_rad * 57.29577951308232);
   }
   if (plane->from == UpSource::kMounting) {
     return line(

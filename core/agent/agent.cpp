@@ -99,6 +99,7 @@ void Agent::fix_plane(const PatchSet& first_view) noexcept {
   builder_.hold_to(planar);
   registrar_.hold_to(planar);
   closures_.hold_to(planar);
+  encounters_.hold_to(planar);
 }
 
 const MapletCut* Agent::finish(Deadline deadline) noexcept {

@@ -141,6 +141,8 @@ void Encounters::verify(const MapletStore& own, const MapletKey& self, Deadline 
     verifier_.clear();
     told_.clear();
   }
+  const bool own_mission = is_own(a_->key, self) && is_own(b_->key, self);
+  verifier_.hold_to(own_mission ? planar_ : std::nullopt);
   (void)verifier_.add(*a_, *b_, candidate.guesses, deadline);
 }
 

@@ -66,6 +66,9 @@ class Encounters {
   /// This agent cut a maplet.
   void add_own(const Maplet& maplet) noexcept;
 
+  /// Places seen again in this agent's own mission are in one plane; other agents carry their
+  /// cameras at other heights.
+  void hold_to(const PlanarMotion& planar) noexcept { planar_ = planar; }
   /// How well the planes of two own maplets in a row fit: PlaceVerifier::note_fit().
   void note_fit(double chi2_per_dof) noexcept { verifier_.note_fit(chi2_per_dof); }
 
@@ -111,6 +114,7 @@ class Encounters {
   MapletStore foreign_;
   PlaceIndex index_;
   PlaceVerifier verifier_;
+  std::optional<PlanarMotion> planar_;
   StaticVector<Pair, kHypotheses> told_;  ///< of the verifier's: they are in the skeleton, or gone
   Arena::Owned<Maplet> a_;
   Arena::Owned<Maplet> b_;

@@ -1,11 +1,24 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #include "core/agent/plane_hold.hpp"
 
+#include <algorithm>
+#include <cmath>
+
 namespace maplet {
+
+namespace {
+
+constexpr double kFloor_rad = 0.17;  // further from what was given it is something else
+
+}  // namespace
 
 const PlanarMotion& PlaneHold::fix(const PatchSet& first_view) noexcept {
   const FirstUp first = first_up(first_view, mounting_);
   if (from_ != UpSource::kMission) from_ = first.from;
+  if (first.from == UpSource::kGiven) {
+    const Eigen::Vector3d floor = up_of(first_view, first.up, kFloor_rad);
+    if (!floor.isZero()) floor_off_rad_ = std::acos(std::clamp(floor.dot(first.up), -1.0, 1.0));
+  }
   return planar_.emplace(first.up);
 }
 
@@ -32,7 +45,7 @@ void PlaneHold::hold(Track& track) noexcept {
 
 std::optional<PlaneHold::Report> PlaneHold::report() const noexcept {
   if (!planar_) return std::nullopt;
-  return Report{planar_->up(), from_, off_, of_};
+  return Report{planar_->up(), from_, floor_off_rad_, off_, of_};
 }
 
 }  // namespace maplet

@@ -31,10 +31,11 @@ class PlaneHold {
 
   /// What became of it.
   struct Report {
-    Eigen::Vector3d up;  ///< unit, first camera's frame
-    UpSource from;       ///< who said so
-    std::uint64_t off;   ///< frames that were seen off the plane since their keyframe
-    std::uint64_t of;    ///< tracked frames
+    Eigen::Vector3d up;    ///< unit, first camera's frame
+    UpSource from;         ///< who said so
+    double floor_off_rad;  ///< of the floor in the first view from an up that was given; else 0
+    std::uint64_t off;     ///< frames that were seen off the plane since their keyframe
+    std::uint64_t of;      ///< tracked frames
     static constexpr double kOff_m = 0.03;
     static constexpr double kOff_rad = 0.03;
   };
@@ -44,6 +45,7 @@ class PlaneHold {
   Mounting mounting_;
   UpSource from_ = UpSource::kMounting;
   std::optional<PlanarMotion> planar_;
+  double floor_off_rad_ = 0.0;
   std::uint64_t off_ = 0;
   std::uint64_t of_ = 0;
 };

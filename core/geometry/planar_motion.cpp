@@ -89,10 +89,10 @@ Matrix6d PlanarMotion::restrict_information(const Matrix6d& information) const n
   return out;
 }
 
-Matrix6d PlanarMotion::widen(const Eigen::Matrix3d& in_plane) const noexcept {
-  Matrix6d out = basis_ * in_plane * basis_.transpose();
-  out += out_of_plane_ * (kFlat * kFlat);
-  return out;
+Matrix6d PlanarMotion::widen(const Eigen::Matrix3d& in_plane, double out) const noexcept {
+  Matrix6d covariance = basis_ * in_plane * basis_.transpose();
+  covariance += out_of_plane_ * (out * out);
+  return covariance;
 }
 
 }  // namespace maplet

@@ -26,8 +26,11 @@ class PlanarMotion {
  public:
   using Basis = Eigen::Matrix<double, 6, 3>;
 
-  /// What a floor is off by: standard deviations out of the plane.
-  static constexpr double kFlat = 0x1p-10;  ///< m and rad; a sigma that records hold exactly
+  /// What estimates in the plane are held to: standard deviations out of it, m and rad.
+  static constexpr double kFlat = 0x1p-10;
+  /// What others are told: floor and `up` are off by that over a maplet's way. Up is found in one
+  /// view to some milliradians. A sigma that records hold exactly.
+  static constexpr double kTold = 0x1p-8;
 
   /// @param up  unit, camera's frame; rounded to what a code holds
   explicit PlanarMotion(const Eigen::Vector3d& up) noexcept;
@@ -60,8 +63,13 @@ class PlanarMotion {
   [[nodiscard]] Matrix6d restrict_covariance(const Matrix6d& covariance) const noexcept {
     return widen(basis_.transpose() * covariance * basis_);
   }
+  /// The same for others to read: kTold out of the plane.
+  [[nodiscard]] Matrix6d told(const Matrix6d& covariance) const noexcept {
+    return widen(basis_.transpose() * covariance * basis_, kTold);
+  }
   /// A covariance of 3 numbers in the plane as one of 6.
-  [[nodiscard]] Matrix6d widen(const Eigen::Matrix3d& in_plane) const noexcept;
+  /// @param out  standard deviation out of the plane, m and rad
+  [[nodiscard]] Matrix6d widen(const Eigen::Matrix3d& in_plane, double out = kFlat) const noexcept;
 
  private:
   Eigen::Vector3d up_;

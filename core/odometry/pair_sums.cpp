@@ -113,7 +113,7 @@ PairVerdict judge_pairs(std::span<const FacetPair> pairs, const PlaneMotion& mot
       const Eigen::Vector3d g = motion(pair.reference->surface);
       Vector6d score;
       score << g * (weight * dot(wr, g)), weight * wr.cross(g);
-      blocks->add(pair.frame->block, score, 2.0 / (kPairTailDof + 3.0));
+      blocks->add(pair.frame->block, score);
     }
     if (chi2 > kInlierChi2) continue;
     out.chi2 += chi2;

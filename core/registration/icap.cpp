@@ -86,6 +86,9 @@ DeltaPose closure_of(const MapletKey& a, Stamp stamp_a, const MapletKey& b, Stam
   out.overlap = static_cast<float>(alignment.overlap);
   out.matches = alignment.matches;
   out.plane = alignment.plane;
+  if (out.plane != PlaneCode::kSpace) {
+    out.covariance = PlanarMotion{out.plane}.told(out.covariance);
+  }
   return out;
 }
 

@@ -68,7 +68,7 @@ class Icap {
   void look_at(const RegionOfInterest* region) noexcept { region_ = region; }
 
   /// Both cameras move in one plane only, up being the same in both: three unknowns are left.
-  void hold_to(const PlanarMotion& planar) noexcept { planar_ = planar; }
+  void hold_to(const std::optional<PlanarMotion>& planar) noexcept { planar_ = planar; }
 
   /// Adds to the covariance what single pairs of the last align move, eq. 11c: for whoever is about
   /// to believe it.

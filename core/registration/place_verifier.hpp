@@ -52,8 +52,8 @@ class PlaceVerifier {
   PlaceVerifier(const RegistrationConfig& config, std::size_t capacity, Arena& arena);
 
   void clear() noexcept { count_ = 0; }
-  /// As Icap::hold_to(), of what is added from now on.
-  void hold_to(const PlanarMotion& planar) noexcept { icap_->hold_to(planar); }
+  /// As Icap::hold_to(), of what is added from now on; nullopt: free again.
+  void hold_to(const std::optional<PlanarMotion>& planar) noexcept { icap_->hold_to(planar); }
 
   /// Two consecutive maplets' planes fit like that: what is found from now on may not fit far
   /// worse.

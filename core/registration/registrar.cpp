@@ -30,7 +30,7 @@ DeltaPose Registrar::link(const Maplet& previous, const Maplet& current, const P
   DeltaPose out = fuse(previous, current, odometry, deadline);
   if (planar_) {
     out.T_a_b = Transform<MapletA, MapletB>{planar_->project(out.T_a_b.se3)};
-    out.covariance = planar_->restrict_covariance(out.covariance);
+    out.covariance = planar_->told(out.covariance);
     out.plane = planar_->code();
   }
   return out;

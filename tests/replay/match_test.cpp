@@ -43,6 +43,17 @@ TEST(Match, TwoAgentsInARoomFindEachOther) {
     EXPECT_LT(std::sqrt(line["covariance"][0].get<double>()), 0.1);
   }
   EXPECT_GE(accepted, 10);
+
+  // The folder of the maplets alone: its run's skeleton is beside it. Without one nothing is sure.
+  const std::string maplets = (dir.path() / "0" / "maplets").string();
+  const std::string other = (dir.path() / "1").string();
+  EXPECT_NE(test::run({"mapletctl", "match", "--json", maplets, other}).out.find("\"accept\""),
+            std::string::npos);
+  std::filesystem::remove(dir.path() / "0" / "skeleton.g2o");
+  const test::Finished unsure = test::run({"mapletctl", "match", "--json", maplets, other});
+  EXPECT_EQ(unsure.exit_code, 0);
+  EXPECT_EQ(unsure.out.find("\"accept\""), std::string::npos);
+  EXPECT_NE(unsure.err.find("no skeleton.g2o"), std::string::npos) << unsure.err;
 }
 
 // Every view exists twice in there: nothing may be accepted, however well it fits.

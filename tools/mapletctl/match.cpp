@@ -34,6 +34,7 @@ struct Side {
   std::vector<std::string> names;  // NNNN of the files
   std::map<MapletKey, Se3> T_world_maplet;
   bool damaged = false;  // some file was
+  bool without_paths = false;
 };
 
 Side read_side(const std::string& folder, std::uint16_t agent) {
@@ -55,7 +56,9 @@ Side read_side(const std::string& folder, std::uint16_t agent) {
     throw Failure{fmt::format("{} holds no maplets: give a folder of mapletd --out", folder)};
   }
   std::sort(files.begin(), files.end());
-  const std::map<std::uint32_t, Se3> nodes = files::read_nodes(folder);
+  fs::path run{folder};  // or its maplets/ alone
+  if (!fs::exists(run / "skeleton.g2o") && fs::exists(run / ".." / "skeleton.g2o")) run /= "..";
+  const std::map<std::uint32_t, Se3> nodes = files::read_nodes(run.string());
   for (const fs::path& file : files) {
     try {
       side.maplets.push_back(files::read_maplet(file));
@@ -69,6 +72,14 @@ Side read_side(const std::string& folder, std::uint16_t agent) {
     const auto node = nodes.find(key.id);
     key = {agent, 0, static_cast<std::uint32_t>(side.names.size() - 1)};
     if (node != nodes.end()) side.T_world_maplet[key] = node->second;
+  }
+  side.without_paths = side.maplets.size() > 1 && side.T_world_maplet.empty();
+  if (side.without_paths) {
+    fmt::print(
+        stderr,
+        "mapletctl: {}: no skeleton.g2o that says how its maplets lie to each other: a place "
+        "that is alike cannot be told from the same, nothing is accepted\n",
+        folder);
   }
   return side;
 }
@@ -167,12 +178,25 @@ void verify(const Side& a, const Side& b, const Tried& tried, bool planar,
             PlaceVerifier& verifier) {
   for (const auto& [pair, guesses] : tried) {
     const Maplet& from = *a.maplets[pair.first];
-    if (planar) verifier.hold_to(plane_of(from, "maplet " + a.names[pair.first] + " of A"));
-    verifier.add(from, *b.maplets[pair.second], guesses, Deadline::never());
+    const Maplet& to = *b.maplets[pair.second];
+    if (planar) {
+      const PlanarMotion plane = plane_of(from, "maplet " + a.names[pair.first] + " of A");
+      check_one_plane(plane, to, "maplet " + b.names[pair.second] + " of B");
+      verifier.hold_to(plane);
+    }
+    verifier.add(from, to, guesses, Deadline::never());
   }
 }
 
+Judgement judgement_of(const Side& a, const Side& b, const PlaceHypothesis& h) {
+  if (h.judgement.verdict == Verdict::kAccept && (a.without_paths || b.without_paths)) {
+    return {Verdict::kUndecided, "no skeleton to tell it from a place that is alike"};
+  }
+  return h.judgement;
+}
+
 void print_pair(const Side& a, const Side& b, const PlaceHypothesis& h, bool json) {
+  const Judgement judgement = judgement_of(a, b, h);
   const Se3& T = h.alignment.T_a_b.se3;
   if (json) {
     Json covariance = Json::array();
@@ -181,8 +205,8 @@ void print_pair(const Side& a, const Side& b, const PlaceHypothesis& h, bool jso
               {"b", b.names[h.b.id]},
               {"stamp_a_s", seconds(h.stamp_a)},
               {"stamp_b_s", seconds(h.stamp_b)},
-              {"verdict", to_string(h.judgement.verdict)},
-              {"reason", h.judgement.reason},
+              {"verdict", to_string(judgement.verdict)},
+              {"reason", judgement.reason},
               {"T_a_b", {T.t.x(), T.t.y(), T.t.z(), T.q.x(), T.q.y(), T.q.z(), T.q.w()}},
               {"covariance", covariance},
               {"overlap", h.alignment.overlap},
@@ -195,9 +219,9 @@ void print_pair(const Side& a, const Side& b, const PlaceHypothesis& h, bool jso
     return;
   }
   fmt::print("{} {} {:>9}  {:.2f} {:.2f} {:.2f} m {:5.1f} deg, {:2} planes on {:3.0f} %: {}\n",
-             a.names[h.a.id], b.names[h.b.id], to_string(h.judgement.verdict), T.t.x(), T.t.y(),
+             a.names[h.a.id], b.names[h.b.id], to_string(judgement.verdict), T.t.x(), T.t.y(),
              T.t.z(), T.angle() * 57.29577951308232, h.alignment.matches,
-             100.0 * h.alignment.overlap, h.judgement.reason);
+             100.0 * h.alignment.overlap, judgement.reason);
 }
 
 void run(const Options& options) {

@@ -17,6 +17,9 @@ inline constexpr const char* kPlanarHelp =
 /// The plane that a maplet's camera moves in. @throws Failure when it does not say which way is up
 [[nodiscard]] PlanarMotion plane_of(const Maplet& maplet, const std::string& name);
 
+/// @throws Failure when another maplet's camera is tilted otherwise
+void check_one_plane(const PlanarMotion& plane, const Maplet& other, const std::string& name);
+
 /// {up, delta, covariance}, as in delta_poses.jsonl.
 [[nodiscard]] nlohmann::ordered_json planar_json(const MapletAlignment& alignment);
 

@@ -150,7 +150,10 @@ void run(const Options& options) {
   const MonotonicClock clock;
   const auto verifier = std::make_unique<Verifier>(config);
   std::optional<PlanarMotion> planar;
-  if (options.planar) verifier->hold_to(planar.emplace(plane_of(*a, options.a)));
+  if (options.planar) {
+    verifier->hold_to(planar.emplace(plane_of(*a, options.a)));
+    check_one_plane(*planar, *b, options.b);
+  }
   const double before = cpu_us();
   const Deadline deadline =
       options.budget_us > 0.0

@@ -41,9 +41,16 @@ void print_json(const Maplet& m, std::size_t bytes) {
     plane["mean_gray"] = p.mean_gray < 0.0F ? Json{} : Json{p.mean_gray};
     planes.push_back(std::move(plane));
   }
-  const Json line{{"agent", m.key.agent},        {"epoch", m.key.epoch},   {"id", m.key.id},
-                  {"stamp_s", seconds(m.stamp)}, {"bytes", bytes},         {"complete", m.complete},
-                  {"saliency", saliency_of(m)},  {"keyframes", keyframes}, {"planes", planes}};
+  const Json line{{"agent", m.key.agent},
+                  {"epoch", m.key.epoch},
+                  {"id", m.key.id},
+                  {"stamp_s", seconds(m.stamp)},
+                  {"bytes", bytes},
+                  {"complete", m.complete},
+                  {"up", m.up.isZero() ? Json{} : Json{m.up.x(), m.up.y(), m.up.z()}},
+                  {"saliency", saliency_of(m)},
+                  {"keyframes", keyframes},
+                  {"planes", planes}};
   fmt::print("{}\n", line.dump());
 }
 
@@ -52,9 +59,14 @@ void print_table(const Maplet& m, std::size_t bytes) {
   for (const MapletPlane& p : m.planes) area += p.area_m2;
   fmt::print("maplet {} of agent {} (epoch {:08x}), origin at {:.3f} s\n", m.key.id, m.key.agent,
              m.key.epoch, seconds(m.stamp));
-  fmt::print("{} bytes{}, {} keyframes over {:.2f} s, {} planes, {:.2f} m2, saliency {:.2f}\n\n",
+  fmt::print("{} bytes{}, {} keyframes over {:.2f} s, {} planes, {:.2f} m2, saliency {:.2f}\n",
              bytes, m.complete ? "" : " (the first layers only)", m.keyframes.size(),
              seconds(m.keyframes.back().stamp - m.stamp), m.planes.size(), area, saliency_of(m));
+  if (m.up.isZero()) {
+    fmt::print("which way is up is not known\n\n");
+  } else {
+    fmt::print("up is {:.4f} {:.4f} {:.4f}\n\n", m.up.x(), m.up.y(), m.up.z());
+  }
   fmt::print("{:>4} {:>24} {:>9} {:>8} {:>7} {:>5} {:>9} {:>9}\n", "id", "normal", "d m", "area m2",
              "cells", "seen", "tilt mrad", "offset mm");
   for (const MapletPlane& p : m.planes) {

@@ -28,7 +28,7 @@ Se3 level(const PlanarMotion& planar, const Se3& T) noexcept {
 Matrix6d level(const PlanarMotion& planar, const Matrix6d& covariance) noexcept {
   const Eigen::Matrix3d inside = planar.basis().transpose() * covariance * planar.basis();
   Matrix6d out = Matrix6d::Zero();
-  out.diagonal().setConstant(PlanarMotion::kFlat * PlanarMotion::kFlat);
+  out.diagonal().setConstant(PlanarMotion::kTold * PlanarMotion::kTold);
   for (int i = 0; i < 3; ++i) {
     for (int j = 0; j < 3; ++j) out(kInPlane[i], kInPlane[j]) = inside(i, j);
   }
@@ -47,7 +47,7 @@ bool says_only_the_plane(const DeltaPoseRecord& record) noexcept {
       only = only && (code.shape[shape] == 0 || !(out_of_plane(row) || out_of_plane(column)));
     }
     if (!out_of_plane(row)) continue;
-    only = only && code.sigma[row] == static_cast<float>(PlanarMotion::kFlat) &&
+    only = only && code.sigma[row] == static_cast<float>(PlanarMotion::kTold) &&
            code.pivot[row - 1] == 0;
   }
   return only;
@@ -114,7 +114,7 @@ DeltaPose restore(const DeltaPoseRecord& record) noexcept {
     const PlanarMotion planar{record.plane};
     delta.T_a_b.se3 =
         planar.at({record.translation_m[0], record.translation_m[2], record.rotation_rad[1]});
-    delta.covariance = planar.widen(delta.covariance(kInPlane, kInPlane));
+    delta.covariance = planar.widen(delta.covariance(kInPlane, kInPlane), PlanarMotion::kTold);
   }
   delta.overlap = static_cast<float>(record.overlap) / 255.0F;
   delta.matches = record.matches;

@@ -27,7 +27,7 @@ struct DeltaPoseRecord {
   std::array<float, 3> rotation_rad{};   ///< rotation vector; multiples of 2^-21 rad
   CovarianceCode covariance;
   /// Motion in this plane: the numbers above are in its axes (right, down, forward), zero out of it
-  /// and known to PlanarMotion::kFlat there. kSpace: in the camera's.
+  /// and known to PlanarMotion::kTold there. kSpace: in the camera's.
   PlaneCode plane = PlaneCode::kSpace;
   std::uint8_t overlap = 0;  ///< of 255
   std::uint8_t matches = 0;  ///< 255: that many or more

@@ -162,7 +162,7 @@ void read_pose(ByteReader& in, DeltaPoseRecord& record, bool planar) noexcept {
   }
   CovarianceCode& code = record.covariance;
   for (std::size_t row = 0; row < 6; ++row) {
-    code.sigma[row] = static_cast<float>(PlanarMotion::kFlat);
+    code.sigma[row] = static_cast<float>(PlanarMotion::kTold);
     if (!said(row)) continue;
     code.sigma[row] = read_sigma(in);
     for (std::size_t column = 0; column < row; ++column) {
