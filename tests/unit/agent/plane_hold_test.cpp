@@ -55,8 +55,8 @@ TEST_F(PlaneHolds, AMissionThatGoesOnKeepsItsPlaneUnlessItIsGiven) {
   EXPECT_EQ(given.report()->up.y(), -1.0);
 }
 
-// A given up is taken, and a floor in view that says otherwise is told of.
-TEST_F(PlaneHolds, SaysHowFarTheFloorIsFromAGivenUp) {
+// The other half, a floor that does: tests/replay/planar_test.cpp.
+TEST_F(PlaneHolds, WithoutAFloorInViewNothingContradictsAGivenUp) {
   PlaneHold blind{Mounting{std::array{0.0, -1.0, 0.0}, {0.0, -1.0, 0.0}}};
   blind.fix(*empty_);
   EXPECT_EQ(blind.report()->floor_off_rad, 0.0);
