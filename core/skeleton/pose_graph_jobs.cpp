@@ -179,7 +179,7 @@ void PoseGraph<Space>::finish_job() noexcept {
   job_count_ = 0;
   if (change > 1e-9 || fresh_job_) wants_step_ = true;
   if (fresh_job_) {
-    stepper_.distrust_nothing();
+    stepper_.trust_factor();
     stepper_.take_stale([](int) {});  // linearised where the estimate stands, all of them
   }
   fresh_job_ = false;

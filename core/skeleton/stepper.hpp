@@ -67,10 +67,12 @@ class Stepper {
   /// To call before the objective changes: leaves no step behind that has made things worse.
   /// @pre caught up
   void conclude() noexcept;
-  /// The factor at hand is new: no step was misled by it yet.
-  void distrust_nothing() noexcept {
-    last_power_ = expected_ = loss_ = 0.0;
-    careful_ = false;
+  /// Everything was linearised where the estimate stands: what earlier steps showed of the factor
+  /// is past.
+  void trust_factor() noexcept {
+    distrust_nothing();
+    misjudges_ = false;
+    since_refresh_ = 0;
   }
 
   /// Works towards one step. @param tolerance  gain (in chi2) below which no step is made
@@ -151,6 +153,10 @@ class Stepper {
   [[nodiscard]] double curvature() noexcept;
   void move() noexcept;
   [[nodiscard]] Result judge(double tolerance) noexcept;
+  void distrust_nothing() noexcept {
+    last_power_ = expected_ = loss_ = 0.0;
+    careful_ = false;
+  }
 
   struct State {  // of a node
     Tangent gradient = Tangent::Zero();
