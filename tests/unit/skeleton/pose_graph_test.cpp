@@ -181,6 +181,35 @@ TYPED_TEST(PoseGraphTest, CarriesOverWhatTheDeadlineCutOff) {
   EXPECT_NEAR(graph.chi2(), batch.chi2(), 1e-3 * batch.chi2());
 }
 
+// Updates so small that what is looked at here happens at most once in each.
+TYPED_TEST(PoseGraphTest, LinearisesEverythingAnewOnlyAfterAStep) {
+  using Space = TypeParam;
+  int times = 0;
+  for (unsigned seed = 1; seed <= 6; ++seed) {
+    const test::RandomGraph<Space> random{200, 0.1, seed};
+    Arena arena;
+    PoseGraph<Space> graph{kRoom, arena, {.work_per_update = 500}};
+    TestFixture::feed(graph, random, true);
+    const auto oldest_column = [&] {
+      std::int64_t rank = graph.elimination().rank(0);
+      for (int i = 1; i < 200; ++i) rank = std::min(rank, graph.elimination().rank(i));
+      return rank;
+    };
+    std::int64_t oldest = oldest_column();
+    bool stepped = true;
+    for (int k = 0; k < 20'000 && !graph.settled(); ++k) {
+      stepped = graph.update(Deadline::never()).iterations > 0 || stepped;
+      if (oldest_column() == oldest) continue;
+      oldest = oldest_column();
+      EXPECT_TRUE(stepped) << "seed " << seed << ", update " << k;
+      stepped = false;
+      ++times;
+    }
+    EXPECT_TRUE(graph.settled());
+  }
+  EXPECT_GT(times, 10);
+}
+
 TYPED_TEST(PoseGraphTest, SetsFactorsAsideWhenTheBlocksAreUsedUp) {
   using Space = TypeParam;
   const test::RandomGraph<Space> random{200, 0.02, 6};
