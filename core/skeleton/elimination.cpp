@@ -70,11 +70,13 @@ void Elimination<Space>::order_by_seniority(bool on) noexcept {
 
 template <class Space>
 void Elimination<Space>::begin() noexcept {
-  // Room for twice what the affected columns held; else first throw the garbage out.
+  // Room for twice what the affected columns held, or once for all of them, which an order from
+  // nothing does not make longer; else first throw the garbage out.
   int held = 0;
   for (int k = 0; k < count_; ++k) held += std::max(pool_.length(nodes_[k]), 4);
-  pool_.compact_some(8 * held);
-  if (pool_.free_slots() < 2 * held && pool_.live() < pool_.end()) pool_.compact();
+  if (!everything_) pool_.compact_some(8 * held);
+  const int wanted = everything_ ? held : 2 * held;
+  if (pool_.free_slots() < wanted && pool_.live() < pool_.end()) pool_.compact();
   effort_ += 4 * held;
   prepare_ordering();
   pool_mark_ = pool_.end();

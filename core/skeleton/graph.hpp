@@ -27,6 +27,7 @@ struct FactorState {
   bool integrated = false;  ///< its Hessian, as linearised at rel_lin and weight_lin, is eliminated
   bool dirty = false;       ///< waits to be eliminated anew
   bool in_job = false;      ///< part of the elimination under way
+  bool evaluated = false;   ///< its error and gradient are the estimate's, or it is queued
   bool queued = false;      ///< waits to be evaluated
   bool stale = false;       ///< found worth linearising anew
   bool retired = false;     ///< to be freed: counts no more

@@ -1,7 +1,7 @@
 // Copyright the mapletd authors. SPDX-License-Identifier: Apache-2.0
 #include "core/skeleton/marginals.hpp"
 
-#include <algorithm>
+#include <array>
 
 #include "core/skeleton/block_kernels.hpp"
 #include "core/skeleton/linearise.hpp"
@@ -37,19 +37,18 @@ template <class Space>
 auto Marginals<Space>::project(int a, const Block &by_a, int b, const Block &by_b,
                                int slot) noexcept -> Block {
   ++stamp_[slot];
-  int count = collect(a, slot, 0);
-  if (b != kNone) count = collect(b, slot, count);
+  const int of_a = collect(a, slot, 0);
+  const int count = b != kNone ? collect(b, slot, of_a) : of_a;
   kept_count_[slot] = count;
-  const std::span<int> path = kept_[slot].first(static_cast<std::size_t>(count));
-  std::sort(path.begin(), path.end(),
-            [&](int i, int j) { return elimination_.rank(i) < elimination_.rank(j); });
   rows_[a].x[slot] += by_a.transpose();
   if (b != kNone) rows_[b].x[slot] += by_b.transpose();
   const auto &pool = elimination_.pool();
   constexpr int kDim = Space::kDim;
   std::array<double, kDim * kDim + 1> sum{};  // one in reserve: block_kernels.hpp
   std::array<double, kDim * kDim + 1> turned{};
-  for (const int node : path) {
+  // Children first: what only b reaches, then the path of a.
+  for (int i = 0; i < count; ++i) {
+    const int node = kept_[slot][i < count - of_a ? of_a + i : i - (count - of_a)];
     Block &x = rows_[node].x[slot];
     const int start = pool.start(node);
     for (int k = 0; k < kDim; ++k) block::solve_lower<kDim>(pool.block(start), x.col(k).data());

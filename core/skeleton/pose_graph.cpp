@@ -119,7 +119,7 @@ void PoseGraph<Space>::link_in(int factor) noexcept {
     hang(f.b, f.a, factor);
   }
   f.state.active = true;
-  f.state.aside = false;
+  f.state.evaluated = f.state.aside = false;
   mark_dirty(factor);
   const typename Space::Tangent e = measure::error(f, relative_pose(graph_, f));
   pending_ += f.weight * e.dot(weigh(f, e));
@@ -286,6 +286,7 @@ void PoseGraph<Space>::set_weight(int factor, double weight) noexcept {
   if (weight == f.weight && f.state.active == (weight > 0.0)) return;
   const double before = f.weight;
   f.weight = weight;
+  f.state.evaluated = false;
   if (weight > 0.0 && !f.state.active) return link_in(factor);
   pending_ += std::abs(weight - before) * f.chi2;
   if (weight == 0.0) {

@@ -75,7 +75,10 @@ void PoseGraph<Space>::start_job() noexcept {
 template <class Space>
 void PoseGraph<Space>::drop_columns() noexcept {
   elimination_.clear();
-  for (int i = 0; i < graph_.factor_end(); ++i) graph_.factor(i).state.integrated = false;
+  for (int i = 0; i < graph_.factor_end(); ++i) {
+    FactorState& s = graph_.factor(i).state;
+    s.integrated = s.evaluated = false;
+  }
 }
 
 // The new columns did not fit. Once more without the garbage; then without the old columns, which
@@ -173,8 +176,9 @@ template <class Space>
 void PoseGraph<Space>::finish_job() noexcept {
   double change = 0.0;
   for (int k = 0; k < job_count_; ++k) {
-    graph_.factor(job_[k]).state.in_job = false;
-    change += std::abs(stepper_.evaluate_new(job_[k]));
+    FactorState& s = graph_.factor(job_[k]).state;
+    s.in_job = false;
+    if (!s.evaluated) change += std::abs(stepper_.evaluate_new(job_[k]));
   }
   job_count_ = 0;
   if (change > 1e-9 || fresh_job_) wants_step_ = true;

@@ -36,14 +36,17 @@ bool PoseGraph<Space>::due(bool idle) const noexcept {
          !(pending_ < std::max(policy_.defer_share * stepper_.chi2(), 5.0 * policy_.step_gain));
 }
 
+// Steps where they converge; what they find stale again and again is not waited for.
 template <class Space>
 bool PoseGraph<Space>::flush(Deadline deadline) noexcept {
+  int steps = 50;
   flushing_ = true;
   const auto waits = [&] { return dirty_count_ > 0 || elimination_.busy(); };
   for (int k = 0; k < 1000 && waits() && (k == 0 || !deadline.expired()); ++k) {
     job_first_ = true;
     new_input_ = true;
-    (void)update(deadline);
+    steps -= update(deadline, stepper_.busy() ? std::max(steps, 1) : steps).iterations;
+    steps = std::max(steps, 0);
   }
   flushing_ = false;
   return !waits();
@@ -60,7 +63,7 @@ SolveReport PoseGraph<Space>::update(Deadline deadline, int max_iterations) noex
   if (new_input_ && !stepper_.unverified() && !elimination_.contains(newest_)) relax(newest_);
   new_input_ = false;
   if (idle && !settled_) wants_step_ = true;
-  for (;;) {
+  for (bool first = true;; first = false) {
     if (elimination_.busy()) {
       const auto result = elimination_.run(allowance);
       if (result == Elimination<Space>::Result::kDeadline) {
@@ -77,7 +80,10 @@ SolveReport PoseGraph<Space>::update(Deadline deadline, int max_iterations) noex
     // What has been begun is brought to its end before anything new comes in: else steps that
     // made things worse would never be judged.
     if (!stepper_.busy() && (job_first_ || !wants_step_) && (due(idle) || refresh_)) {
-      if (!stepper_.catch_up(allowance)) {
+      // The start of a job of everything is not divided: in the next call, when this one has no
+      // room for it.
+      const int start = refresh_ ? Stepper<Space>::kFactorWork * graph_.factor_count() : 0;
+      if (!stepper_.catch_up(allowance) || (!first && start > 0 && !allowance.fits(start))) {
         report.stop = Stop::kDeadline;
         break;
       }

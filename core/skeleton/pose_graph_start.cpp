@@ -132,9 +132,16 @@ Stop PoseGraph<Space>::start_anew(Deadline deadline) noexcept {
     begin_relaxed(Model::kRotations);
   }
   Allowance allowance{deadline, policy_.work_per_update + policy_.work_per_update / 2};
+  // What follows an elimination is not divided: in the next call, when this one has no room for it.
+  const std::int64_t turn = 4 * Stepper<Space>::kFactorWork * graph_.factor_count();
   for (;;) {
-    const auto result = elimination_.run(allowance);
-    if (result == Elimination<Space>::Result::kDeadline) return Stop::kDeadline;
+    auto result = Elimination<Space>::Result::kCommitted;
+    if (elimination_.busy()) {
+      result = elimination_.run(allowance);
+      const bool committed = result == Elimination<Space>::Result::kCommitted;
+      if (committed ? !allowance.fits(turn) : result == Elimination<Space>::Result::kDeadline)
+        return Stop::kDeadline;
+    }
     const bool turning = relaxed_ == Model::kRotations;
     relaxed_ = Model::kExact;
     settled_ = false;
@@ -147,7 +154,7 @@ Stop PoseGraph<Space>::start_anew(Deadline deadline) noexcept {
     if (!turning) break;
     turn_relaxed();
     begin_relaxed(Model::kPositions);
-    (void)allowance.spend(Stepper<Space>::kFactorWork * graph_.factor_count());
+    (void)allowance.spend(turn);
   }
   place_relaxed();
   (void)chi2();

@@ -40,6 +40,7 @@ double Stepper<Space>::evaluate(int factor) noexcept {
     add_gradient(f.b, by_b - f.gradient_b);
     f.gradient_b = by_b;
   }
+  f.state.evaluated = true;
   note_staleness(factor, rel, before);
   return f.counted - old;
 }
@@ -49,6 +50,7 @@ void Stepper<Space>::withdraw(int factor) noexcept {
   Factor<Space>& f = graph_.factor(factor);
   chi2_ -= f.counted;
   f.counted = 0.0;
+  f.state.evaluated = false;
   add_gradient(f.a, -f.gradient_a);
   f.gradient_a.setZero();
   if (f.b == kNone) return;

@@ -116,5 +116,27 @@ TEST_F(SkeletonTest, SurvivesABillionMetres) {
   EXPECT_TRUE(skeleton_.pose(key(1, 2))->t.allFinite());
 }
 
+// Both maplets stay, their closures go, and that is not enough for a third.
+TEST(SkeletonAtItsLimits, FactorsDroppedInVainAreForgotten) {
+  Arena arena;
+  Skeleton skeleton{{.max_nodes = 2, .max_factors = 8}, arena};
+  const Deadline never = Deadline::never();
+  skeleton.add(delta(key(1, 0), key(1, 1), 1.0), never);
+  const auto meet = [&](std::int64_t when) {
+    DeltaPose closure = delta(key(1, 0), key(1, 1), 1.0);
+    closure.kind = DeltaPose::Kind::kClosure;
+    closure.stamp_b = Stamp{Duration{when}};
+    return skeleton.add(closure, never);
+  };
+  for (int k = 1; k <= 5; ++k) ASSERT_EQ(meet(k), Added::kLinked);
+  ASSERT_EQ(skeleton.factor_count(), 6);
+  EXPECT_EQ(skeleton.add(delta(key(1, 1), key(1, 2), 1.0), never), Added::kNodesFull);
+  EXPECT_EQ(skeleton.counters().dropped, 5u);
+  EXPECT_EQ(skeleton.factor_count(), 1);
+  EXPECT_EQ(meet(6), Added::kLinked);
+  ASSERT_EQ(skeleton.factor_count(), 2);
+  for (int k = 0; k < 2; ++k) EXPECT_EQ(skeleton.factor(k).b, key(1, 1));
+}
+
 }  // namespace
 }  // namespace maplet
