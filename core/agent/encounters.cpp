@@ -110,8 +110,11 @@ Encounters::Found Encounters::work(const Skeleton& skeleton, const MapletStore& 
     verify(own, self, deadline);
     return {};
   }
-  asking_ = false;
-  return judge(skeleton, self);
+  if (looking_) {
+    look(own, self, deadline);
+    return {};
+  }
+  return judge(skeleton, own, self);
 }
 
 void Encounters::recall(const MapletStore& own) noexcept {
@@ -120,7 +123,7 @@ void Encounters::recall(const MapletStore& own) noexcept {
 }
 
 void Encounters::ask(const MapletStore& own, const MapletKey& self, Deadline deadline) noexcept {
-  const MapletKey key = waiting_[waiting_first_];
+  const MapletKey key = asked_ = waiting_[waiting_first_];
   waiting_first_ = (waiting_first_ + 1) % kWaiting;
   --waiting_count_;
   if (!load(key, own, self, *b_)) return;
@@ -146,11 +149,25 @@ void Encounters::verify(const MapletStore& own, const MapletKey& self, Deadline 
   (void)verifier_.add(*a_, *b_, candidate.guesses, deadline);
 }
 
-Encounters::Found Encounters::judge(const Skeleton& skeleton, const MapletKey& self) noexcept {
+// Not before what lies around all that would be told has been looked at.
+Encounters::Found Encounters::judge(const Skeleton& skeleton, const MapletStore& own,
+                                    const MapletKey& self) noexcept {
   verifier_.judge(SkeletonRelations{skeleton});
+  const auto all = verifier_.hypotheses();
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    if (!unlooked(all[i], skeleton)) continue;
+    looking_ = i;
+    begin_look(all[i], skeleton, own, self);
+    return {};
+  }
+  asking_ = false;
+  return report(skeleton, self);
+}
+
+Encounters::Found Encounters::report(const Skeleton& skeleton, const MapletKey& self) noexcept {
   Found found;
   for (const PlaceHypothesis& h : verifier_.hypotheses()) {
-    const bool fresh = h.b == b_->key || h.a == b_->key;
+    const bool fresh = h.b == asked_ || h.a == asked_;
     if (fresh) {
       EncounterCounts& counts = counts_of(is_own(h.a, self) ? h.b.agent : h.a.agent);
       ++counts.pairs;
@@ -158,15 +175,57 @@ Encounters::Found Encounters::judge(const Skeleton& skeleton, const MapletKey& s
       counts.reason = h.judgement.reason;
     }
     // One closure a pair of maplets, and later ones may vouch for earlier ones.
-    if (h.judgement.verdict != Verdict::kAccept || full(found)) continue;
-    const Pair pair{h.a, h.b};
-    if (std::ranges::find(told_, pair) != told_.end()) continue;
-    if (!trusted(h, skeleton) || linked(skeleton, h.a, h.b)) continue;
-    told_.push_back(pair);
+    if (full(found) || !worth_telling(h, skeleton)) continue;
+    told_.push_back({h.a, h.b});
     ++counts_of(is_own(h.a, self) ? h.b.agent : h.a.agent).accepted;
     found.push_back(closure_of(h.a, h.stamp_a, h.b, h.stamp_b, h.alignment));
   }
   return found;
+}
+
+bool Encounters::worth_telling(const PlaceHypothesis& h, const Skeleton& skeleton) const noexcept {
+  return h.judgement.verdict == Verdict::kAccept &&
+         std::ranges::find(told_, Pair{h.a, h.b}) == told_.end() && trusted(h, skeleton) &&
+         !linked(skeleton, h.a, h.b);
+}
+
+// Where the skeleton relates the two already, it is what must not be contradicted.
+bool Encounters::unlooked(const PlaceHypothesis& h, const Skeleton& skeleton) const noexcept {
+  Se3 ignored;
+  return h.around == PlaceHypothesis::Around::kUnknown && worth_telling(h, skeleton) &&
+         !SkeletonRelations{skeleton}.relate(h.a, h.b, ignored);
+}
+
+void Encounters::begin_look(const PlaceHypothesis& h, const Skeleton& skeleton,
+                            const MapletStore& own, const MapletKey& self) noexcept {
+  const SkeletonRelations relations{skeleton};
+  around_.begin(h.a, h.b, h.alignment.T_a_b.se3);
+  const auto put_all = [&](const MapletStore& store) {
+    for (std::uint64_t n = store.forgotten(); n < store.count(); ++n) {
+      const MapletKey* key = store.nth(n);
+      Se3 T;
+      if (key == nullptr || *key == h.a || *key == h.b) continue;
+      if (key->agent == h.a.agent && relations.relate(h.a, *key, T)) {
+        around_.put_beside_a(*key, T);
+      } else if (key->agent == h.b.agent && relations.relate(h.b, *key, T)) {
+        around_.put_beside_b(*key, T);
+      }
+    }
+  };
+  put_all(own);
+  if (!is_own(h.a, self) || !is_own(h.b, self)) put_all(foreign_);
+}
+
+void Encounters::look(const MapletStore& own, const MapletKey& self, Deadline deadline) noexcept {
+  const Surroundings::Pair* pair = around_.next();
+  if (pair == nullptr) {
+    verifier_.note_around(*looking_, around_.contradict());
+    looking_.reset();
+    return;
+  }
+  if (!load(pair->a, own, self, *a_) || !load(pair->b, own, self, *b_)) return;
+  verifier_.hold_to(std::nullopt);
+  around_.weigh(verifier_.weigh_around(*a_, *b_, *pair, deadline));
 }
 
 bool Encounters::trusted(const PlaceHypothesis& h, const Skeleton& skeleton) const noexcept {

@@ -31,10 +31,12 @@ struct EncounterCounts {
 /// knowing how the agents lie to each other.
 ///
 /// A wrong closure between two maps bends both. So one pair alone is not believed: another, of two
-/// other maplets, must say the same; and once the skeleton relates the two, it must not contradict.
+/// other maplets, must say the same; what lies around must not contradict; nor, once it relates the
+/// two, must the skeleton.
 ///
 /// Memory   foreign maplets, a place index over both sides, a verifier: in the arena.
-/// Time     work(): one maplet read, one query or one verification a call, cut by its deadline
+/// Time     work(): one maplet read, one query, one verification or a look at one pair around a
+///          place a call, cut by its deadline
 /// Threads  one
 class Encounters {
  public:
@@ -105,7 +107,15 @@ class Encounters {
   void recall(const MapletStore& own) noexcept;
   void ask(const MapletStore& own, const MapletKey& self, Deadline deadline) noexcept;
   void verify(const MapletStore& own, const MapletKey& self, Deadline deadline) noexcept;
-  [[nodiscard]] Found judge(const Skeleton& skeleton, const MapletKey& self) noexcept;
+  [[nodiscard]] Found judge(const Skeleton& skeleton, const MapletStore& own,
+                            const MapletKey& self) noexcept;
+  [[nodiscard]] Found report(const Skeleton& skeleton, const MapletKey& self) noexcept;
+  [[nodiscard]] bool worth_telling(const PlaceHypothesis& h,
+                                   const Skeleton& skeleton) const noexcept;
+  [[nodiscard]] bool unlooked(const PlaceHypothesis& h, const Skeleton& skeleton) const noexcept;
+  void begin_look(const PlaceHypothesis& h, const Skeleton& skeleton, const MapletStore& own,
+                  const MapletKey& self) noexcept;
+  void look(const MapletStore& own, const MapletKey& self, Deadline deadline) noexcept;
   [[nodiscard]] bool trusted(const PlaceHypothesis& h, const Skeleton& skeleton) const noexcept;
   [[nodiscard]] bool linked(const Skeleton& skeleton, const MapletKey& a,
                             const MapletKey& b) const noexcept;
@@ -121,7 +131,10 @@ class Encounters {
   std::array<MapletKey, kWaiting> waiting_{};  ///< a ring
   std::size_t waiting_first_ = 0;
   std::size_t waiting_count_ = 0;
-  bool asking_ = false;  ///< candidates_ of b_ are being verified
+  bool asking_ = false;  ///< candidates_ of asked_ are being verified
+  MapletKey asked_;
+  Surroundings around_;
+  std::optional<std::size_t> looking_;  ///< around this hypothesis
   std::size_t next_candidate_ = 0;
   std::uint32_t part_ = 0;  ///< first own maplet since the start
   std::uint64_t restored_ = 0;

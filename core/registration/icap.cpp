@@ -104,6 +104,7 @@ Expected<MapletAlignment> Icap::align(const Maplet& a, const Maplet& b,
     return fail(ErrorCode::kBadInput, "the guess is not finite");
   }
   pairs_.prepare(a, b, region_, guess.se3);
+  T_started_.reset();
   Se3 T = guess.se3;
   const bool wide = gate_m > kVotesGate_m || gate_rad > kVotesGate_rad;
   const double reach_m = gate_m;
@@ -122,7 +123,8 @@ Expected<MapletAlignment> Icap::align(const Maplet& a, const Maplet& b,
     slid.iterations = out.iterations;
     double slid_m = kSlideGate_m;
     double slid_rad = kLeastGate_rad;
-    if (slide(out, reach_m, T, deadline) && settle(T, Se3{T}, slid_m, slid_rad, deadline, slid)) {
+    if (slide(out, reach_m, T, deadline) && !deadline.expired() &&
+        settle(T, Se3{T}, slid_m, slid_rad, deadline, slid)) {
       conclude(T, slid);
     }
     if (slid.worth > out.worth) {
@@ -170,13 +172,15 @@ bool Icap::settle(Se3& T, const Se3& held, double& gate_m, double& gate_rad, Dea
     gate_rad = std::max(kLeastGate_rad, kGateShrink * gate_rad);
   }
   if (matched) return true;
-  pairs_.match(T, gate_m, gate_rad, config_);  // no time at all: what T would match
+  // No time at all: what T would match.
+  if (!T_started_ || !close(*T_started_, T)) pairs_.match(T, gate_m, gate_rad, config_);
   return !pairs_.pairs().empty();
 }
 
 // Planes that would fix a free axis lie out of sight of narrow gates: looks for them along it.
 // @param T  where most is shared, within reach of the answer. @return whether that is elsewhere
 bool Icap::slide(const MapletAlignment& from, double reach_m, Se3& T, Deadline deadline) noexcept {
+  T_started_.reset();
   const Se3 middle = from.T_a_b.se3;
   double most = kSlideGain * from.worth;
   bool found = false;
@@ -208,9 +212,15 @@ bool Icap::start(const Maplet& a, const Maplet& b, Se3& T, double gate_m, double
   Se3 best = found.front().T_a_b;
   const bool clear = found.size() == 1 || found[1].score < kNearlyAsGood * found.front().score;
   double most = -1.0;
+  Duration matching{0};
   for (std::size_t i = 0; !clear && i < std::min(found.size(), kStarts); ++i) {
-    if (found[i].score < kNearlyAsGood * found.front().score || deadline.expired()) break;
+    // Where another one is worth less, the best one's pairs are found once more.
+    if (found[i].score < kNearlyAsGood * found.front().score || deadline.remaining() < 2 * matching)
+      break;
+    const Duration before = deadline.remaining();
     pairs_.match(found[i].T_a_b, kVotesGate_m, kVotesGate_rad, config_);
+    matching = before - deadline.remaining();
+    T_started_ = found[i].T_a_b;
     const double worth = pairs_.worth();
     if (worth <= most) continue;
     most = worth;

@@ -103,8 +103,8 @@ void PlaceCompare::add_turn(const Eigen::Matrix3f& R, bool want_peaks) noexcept 
 }
 
 // Two axes of a on two of b fix a turn.
-void PlaceCompare::find_turns(const PlaceDescriptor& a, const PlaceDescriptor& b,
-                              bool want_peaks) noexcept {
+void PlaceCompare::find_turns(const PlaceDescriptor& a, const PlaceDescriptor& b, bool want_peaks,
+                              Deadline deadline) noexcept {
   a_ = &a;
   b_ = &b;
   turns_.clear();
@@ -119,7 +119,7 @@ void PlaceCompare::find_turns(const PlaceDescriptor& a, const PlaceDescriptor& b
     const Eigen::Matrix3f frame_a = frame(a1, a2);
     for (std::size_t k1 = 0; k1 < b.axes.size(); ++k1) {
       for (std::size_t k2 = 0; k2 < b.axes.size(); ++k2) {
-        if (k1 == k2) continue;
+        if (k1 == k2 || deadline.expired()) continue;
         const float between_b = b.axes[k1].direction.dot(b.axes[k2].direction);
         for (const float s1 : {1.0F, -1.0F}) {
           for (const float s2 : {1.0F, -1.0F}) {
@@ -137,7 +137,7 @@ void PlaceCompare::find_turns(const PlaceDescriptor& a, const PlaceDescriptor& b
 }
 
 float PlaceCompare::rank(const PlaceDescriptor& a, const PlaceDescriptor& b) noexcept {
-  find_turns(a, b, false);
+  find_turns(a, b, false, Deadline::never());
   return turns_.empty() ? 0.0F
                         : turns_.front().score / std::max(1e-6F, std::min(a.weight, b.weight));
 }
@@ -178,7 +178,7 @@ void PlaceCompare::try_shifts(const Turn& turn, Guesses& out) noexcept {
 PlaceCompare::Guesses PlaceCompare::guess(const PlaceDescriptor& a,
                                           const PlaceDescriptor& b) noexcept {
   Guesses out;
-  find_turns(a, b, true);
+  find_turns(a, b, true, Deadline::never());
   for (std::size_t i = 0; i < std::min(turns_.size(), kTurnsTried); ++i) {
     if (turns_[i].score < kTurnsShare * turns_.front().score) break;
     try_shifts(turns_[i], out);

@@ -79,7 +79,8 @@ class PlaceCompare {
                    Votes& out) noexcept;
   [[nodiscard]] const Votes& votes(std::size_t ia, std::size_t ib, bool flipped,
                                    bool want_peaks) noexcept;
-  void find_turns(const PlaceDescriptor& a, const PlaceDescriptor& b, bool want_peaks) noexcept;
+  void find_turns(const PlaceDescriptor& a, const PlaceDescriptor& b, bool want_peaks,
+                  Deadline deadline) noexcept;
   void add_turn(const Eigen::Matrix3f& R, bool want_peaks) noexcept;
   void try_shifts(const Turn& turn, Guesses& out) noexcept;
   void try_middles(const Eigen::Matrix3f& R, const Eigen::Matrix3f& rows,

@@ -77,6 +77,7 @@ void PlaceCompare::try_near(const Turn& turn, const Eigen::Vector3f& t, float re
     const auto& on = turn.of_a[ia];
     const Eigen::Vector3f& direction = a_->axes[ia].direction;
     if (on.axis_b < 0 || !spans_more(rows, direction)) continue;
+    if (deadline.expired()) return;
     Votes v;
     window.middle_m = direction.dot(t);
     count_votes(a_->axes[ia], b_->axes[static_cast<std::size_t>(on.axis_b)], on.flipped, window, v);
@@ -134,7 +135,7 @@ PlaceCompare::Guesses PlaceCompare::guess_near(const PlaceDescriptor& a, const P
   }
   if ((!out.empty() && out.front().score >= kClear) || deadline.expired()) return out;
   // The nearest axes were others: all turns within the gate.
-  find_turns(a, b, false);
+  find_turns(a, b, false, deadline);
   std::size_t tried = 0;
   for (const Turn& other : turns_) {
     if (tried == kTurnsNear || deadline.expired()) break;

@@ -20,6 +20,13 @@ constexpr double kMostDoubt = 1.8;       // times less sure when single pairs ar
 constexpr double kVouched = 0.5;         // times the tolerance above: surely the same
 constexpr double kElsewhere = 2.0;       // times the tolerance above: surely another place
 constexpr double kSupportReach_m = 8.0;  // further away paths may have drifted apart
+constexpr double kAround_m = 0.1;        // of the maplets beside, and with the path
+constexpr double kAroundDrift = 0.03;
+constexpr double kAround_rad = 0.05;
+constexpr double kAroundDrift_rad_per_m = 0.01;
+
+constexpr Judgement kElseAround{Verdict::kUndecided,
+                                "one saw through the other's surfaces around it"};
 
 bool same_place(const Se3& x, const Se3& y, double apart_m, double factor = 1.0) noexcept {
   const Se3 d = x.inverse() * y;
@@ -93,6 +100,18 @@ Stop PlaceVerifier::add(const Maplet& a, const Maplet& b, const PlaceCompare::Gu
     h.judgement = h.alone;
   }
   return in_time ? Stop::kConverged : Stop::kDeadline;
+}
+
+Evidence PlaceVerifier::weigh_around(const Maplet& a, const Maplet& b,
+                                     const Surroundings::Pair& pair, Deadline deadline) noexcept {
+  const Evidence there = weigh_evidence(a, b, pair.T_a_b, deadline);
+  if (!there.complete || !Surroundings::contradicts(there)) return there;
+  const auto found = icap_->align(a, b, Transform<MapletA, MapletB>{pair.T_a_b},
+                                  kAround_m + kAroundDrift * pair.apart_m,
+                                  kAround_rad + kAroundDrift_rad_per_m * pair.apart_m, deadline);
+  if (!found) return there;
+  const Evidence near = weigh_evidence(a, b, found->T_a_b.se3, deadline);
+  return !near.complete || near.value() > there.value() ? near : there;
 }
 
 // Where `from` puts the pair of `to`. @return false when nothing relates them
@@ -173,7 +192,10 @@ void PlaceVerifier::judge(const PlaceRelations& relations) noexcept {
   for (std::size_t i = 0; i < count_; ++i) {
     PlaceHypothesis& h = hypotheses_[i];
     h.judgement = h.alone;
-    if (h.alone.verdict == Verdict::kAccept && has_rival(h, relations)) {
+    if (h.alone.verdict != Verdict::kAccept) continue;
+    if (h.around == PlaceHypothesis::Around::kContradicts) {
+      h.judgement = kElseAround;
+    } else if (has_rival(h, relations)) {
       h.judgement = {Verdict::kUndecided, "another place fits nearly as well"};
     }
   }
@@ -181,7 +203,10 @@ void PlaceVerifier::judge(const PlaceRelations& relations) noexcept {
   for (std::size_t i = 0; i < count_; ++i) {
     PlaceHypothesis& h = hypotheses_[i];
     if (h.alone.verdict == Verdict::kAccept || h.guessed.verdict != Verdict::kAccept) continue;
-    if (vouched_for(h, relations) && !has_rival(h, relations)) {
+    if (!vouched_for(h, relations) || has_rival(h, relations)) continue;
+    if (h.around == PlaceHypothesis::Around::kContradicts) {
+      h.judgement = kElseAround;
+    } else {
       h.judgement = {Verdict::kAccept, "planes agree, and neighbours say the same"};
     }
   }

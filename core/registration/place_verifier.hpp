@@ -10,6 +10,7 @@
 #include "core/registration/evidence.hpp"
 #include "core/registration/icap.hpp"
 #include "core/registration/place_compare.hpp"
+#include "core/registration/surroundings.hpp"
 #include "core/registration/usual_fit.hpp"
 #include "core/registration/verdict.hpp"
 
@@ -34,13 +35,16 @@ struct PlaceHypothesis {
   double doubt = 1.0;    ///< Icap::doubt()
   double value = 0.0;    ///< of the evidence, contradictions held against it
   double support = 0.0;  ///< value, and that of other pairs that say the same
-  Judgement alone;       ///< without a look at the others
-  Judgement guessed;     ///< the same, if something had said where to look
+  enum class Around : std::uint8_t { kUnknown, kFits, kContradicts } around = Around::kUnknown;
+  Judgement alone;    ///< without a look at the others
+  Judgement guessed;  ///< the same, if something had said where to look
   Judgement judgement;
 };
 
 /// Verifies candidates of the place index without any prior, several pairs together: a pair is
-/// accepted when its planes agree, and no other place has nearly as much to say for itself.
+/// accepted when its planes agree, and no other place has nearly as much to say for itself. Its
+/// owner looks at what lies around (Surroundings) before it believes what is accepted, and judges
+/// again.
 ///
 /// Memory   `capacity` hypotheses (~1 KB each) and an Icap in the arena
 /// Time     add: an ICaP a guess and the evidence of at most kPerPair; judge: O(hypotheses^2),
@@ -66,6 +70,16 @@ class PlaceVerifier {
 
   /// Judges all hypotheses since clear(), each in the light of the others.
   void judge(const PlaceRelations& relations) noexcept;
+
+  /// What two maplets around a hypothesis say of it: where their paths put them, and, should that
+  /// not fit, where their planes do within what paths may drift.
+  [[nodiscard]] Evidence weigh_around(const Maplet& a, const Maplet& b,
+                                      const Surroundings::Pair& pair, Deadline deadline) noexcept;
+  /// What all of them said of hypotheses()[index]: judge() takes it into account.
+  void note_around(std::size_t index, bool contradicts) noexcept {
+    using Around = PlaceHypothesis::Around;
+    hypotheses_[index].around = contradicts ? Around::kContradicts : Around::kFits;
+  }
 
   /// The best hypothesis of each pair has the pair's verdict; order of add.
   [[nodiscard]] std::span<const PlaceHypothesis> hypotheses() const noexcept {

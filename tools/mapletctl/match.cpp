@@ -188,6 +188,37 @@ void verify(const Side& a, const Side& b, const Tried& tried, bool planar,
   }
 }
 
+// Judges, and looks at what lies around those that are accepted, until no verdict changes.
+void settle(const Side& a, const Side& b, const PlaceRelations& relations,
+            PlaceVerifier& verifier) {
+  verifier.hold_to(std::nullopt);
+  const auto unlooked = [&]() -> std::optional<std::size_t> {
+    const auto all = verifier.hypotheses();
+    for (std::size_t i = 0; i < all.size(); ++i)
+      if (all[i].judgement.verdict == Verdict::kAccept &&
+          all[i].around == PlaceHypothesis::Around::kUnknown)
+        return i;
+    return std::nullopt;
+  };
+  verifier.judge(relations);
+  for (auto i = unlooked(); i; i = unlooked()) {
+    const PlaceHypothesis& h = verifier.hypotheses()[*i];
+    Surroundings around;
+    around.begin(h.a, h.b, h.alignment.T_a_b.se3);
+    Se3 T;
+    for (const auto& m : a.maplets)
+      if (m->key != h.a && relations.relate(h.a, m->key, T)) around.put_beside_a(m->key, T);
+    for (const auto& m : b.maplets)
+      if (m->key != h.b && relations.relate(h.b, m->key, T)) around.put_beside_b(m->key, T);
+    while (const Surroundings::Pair* pair = around.next()) {
+      around.weigh(verifier.weigh_around(*a.maplets[pair->a.id], *b.maplets[pair->b.id], *pair,
+                                         Deadline::never()));
+    }
+    verifier.note_around(*i, around.contradict());
+    verifier.judge(relations);
+  }
+}
+
 Judgement judgement_of(const Side& a, const Side& b, const PlaceHypothesis& h) {
   if (h.judgement.verdict == Verdict::kAccept && (a.without_paths || b.without_paths)) {
     return {Verdict::kUndecided, "no skeleton to tell it from a place that is alike"};
@@ -234,11 +265,11 @@ void run(const Options& options) {
   PlaceVerifier verifier{config, 2 * PlaceVerifier::kPerPair * pairs, arena};
   for (const Side* side : {&a, &b}) note_fits(*side, config, verifier);
   verify(a, b, propose(a, b), options.planar, verifier);
-  verifier.judge(relations);
+  settle(a, b, relations, verifier);
   const Tried near = propose_near(a, b, verifier, relations);
   if (!near.empty()) {
     verify(a, b, near, options.planar, verifier);
-    verifier.judge(relations);
+    settle(a, b, relations, verifier);
   }
   // A line a pair: what was accepted, or else what has most to say for itself.
   std::map<Pair, const PlaceHypothesis*> best;

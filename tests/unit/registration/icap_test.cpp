@@ -86,7 +86,7 @@ TEST(Icap, KeepsUsableTransformWhenDeadlinePasses) {
   const Views v = two_views_of(test::room());
   const TickingClock clock{1ms};  // every look at the clock costs 1 ms
   const auto icap = std::make_unique<Icap>(RegistrationConfig{});
-  const auto out = icap->align(*v.a, *v.b, perturbed(v.T_a_b), Deadline{clock, 14ms});
+  const auto out = icap->align(*v.a, *v.b, perturbed(v.T_a_b), Deadline{clock, 20ms});
   ASSERT_TRUE(out) << out.error().what;
   EXPECT_EQ(out->stop, Stop::kDeadline);
   EXPECT_GE(out->iterations, 1U);

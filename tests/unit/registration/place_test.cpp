@@ -219,6 +219,54 @@ TEST(PlaceVerifier, SymmetricRoomIsUndecided) {
   EXPECT_EQ(verifier.hypotheses()[0].judgement.reason, "another place fits nearly as well");
 }
 
+// Two rooms that are alike in all, and what lies a few steps on.
+class NextDoor : public testing::TestWithParam<bool> {};
+
+TEST_P(NextDoor, DecidesWhetherRoomsAreOne) {
+  const bool same = GetParam();
+  const Se3 T_world_a = test::camera_at({-1.5, 0.2, 1.2}, 0.1);
+  const Se3 T_world_b = test::camera_at({-1.2, -0.3, 1.1}, 0.4);
+  const auto a = view(furnished(7), T_world_a, 1, 0);
+  const auto b = view(furnished(7), T_world_b, 2, 0);
+  const auto on_a = view(furnished(8), T_world_a, 1, 1);
+  const auto on_b = view(furnished(same ? 8 : 9), T_world_b, 2, 1);
+  Arena arena;
+  PlaceVerifier verifier{{}, 4, arena};
+  PlaceCompare::Guesses guesses;
+  guesses.push_back({T_world_a.inverse() * T_world_b, 1.0F});
+  verifier.add(*a, *b, guesses, Deadline::never());
+  verifier.judge(NoRelations{});
+  const PlaceHypothesis& h = verifier.hypotheses().front();
+  ASSERT_EQ(h.judgement.verdict, Verdict::kAccept);
+
+  const Se3 on{Eigen::Quaterniond::Identity(), V{3.0, 0.0, 0.0}};  // of the world
+  Surroundings around;
+  around.begin(a->key, b->key, h.alignment.T_a_b.se3);
+  around.put_beside_a(on_a->key, T_world_a.inverse() * on * T_world_a);
+  // The paths have drifted apart by a hand's breadth since.
+  const Se3 drift{Eigen::Quaterniond::Identity(), V{0.1, -0.1, 0.0}};
+  around.put_beside_b(on_b->key, T_world_b.inverse() * on * drift * T_world_b);
+  int looks = 0;
+  while (const Surroundings::Pair* pair = around.next()) {
+    const Maplet& x = pair->a == a->key ? *a : *on_a;
+    const Maplet& y = pair->b == b->key ? *b : *on_b;
+    ASSERT_FALSE(&x == a.get() && &y == b.get());
+    if (&x != on_a.get() || &y != on_b.get()) continue;  // walls of one room stand in the other
+    ++looks;
+    around.weigh(verifier.weigh_around(x, y, *pair, Deadline::never()));
+  }
+  EXPECT_EQ(looks, 1);
+  EXPECT_EQ(around.contradict(), !same);
+  verifier.note_around(0, around.contradict());
+  verifier.judge(NoRelations{});
+  EXPECT_EQ(h.judgement.verdict, same ? Verdict::kAccept : Verdict::kUndecided);
+  EXPECT_EQ(h.judgement.reason,
+            same ? "planes agree" : "one saw through the other's surfaces around it");
+}
+
+INSTANTIATE_TEST_SUITE_P(PlaceVerifier, NextDoor, testing::Bool(),
+                         [](const auto& info) { return info.param ? "TheSame" : "Another"; });
+
 TEST(PlaceVerifier, NoTimeIsUndecidedNotAccepted) {
   Arena arena;
   PlaceVerifier verifier{{}, 16, arena};
