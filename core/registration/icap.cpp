@@ -13,8 +13,12 @@ namespace maplet {
 
 namespace {
 
-constexpr double kPriorDof = 1.0;
-constexpr double kCommonShare = 0.003;  // of the planes' variances that they have in common
+// Of the planes' variances, what they have in common, and how much doubt there is whether residuals
+// say what errors are. Maplets that share keyframes fit better than they are.
+constexpr double kCommonShare = 0.001;
+constexpr double kPriorDof = 0.25;
+constexpr double kKinCommonShare = 0.003;
+constexpr double kKinPriorDof = 1.0;
 constexpr double kConverged_m = 2e-4;
 constexpr double kConverged_rad = 1e-4;
 constexpr double kVotesGate_m = 0.2;  // wider ones begin with votes
@@ -37,6 +41,14 @@ bool close(const Se3& x, const Se3& y) noexcept {
   return (x.t - y.t).norm() < kSamePairs_m && x.q.angularDistance(y.q) < kSamePairs_rad;
 }
 
+bool share_keyframes(const Maplet& a, const Maplet& b) noexcept {
+  if (a.key.agent != b.key.agent || a.key.epoch != b.key.epoch) return false;
+  return std::ranges::any_of(a.keyframes, [&](const MapletKeyframe& x) {
+    return std::ranges::any_of(b.keyframes,
+                               [&](const MapletKeyframe& y) { return x.stamp == y.stamp; });
+  });
+}
+
 // What the planes of one maplet are off by together, because they share its path: no number of
 // them averages it away. eq. 11b
 struct Common {
@@ -44,7 +56,7 @@ struct Common {
   double rad2 = 0.0;
 };
 
-Common common_of(std::span<const PlanePair> pairs, double scale) noexcept {
+Common common_of(std::span<const PlanePair> pairs, double common_share) noexcept {
   Common out;
   double total = 0.0;
   for (const PlanePair& pair : pairs) {
@@ -54,7 +66,7 @@ Common common_of(std::span<const PlanePair> pairs, double scale) noexcept {
     out.rad2 += w * 0.5 * (sum(0, 0) + sum(1, 1));
     total += w;
   }
-  const double share = scale * kCommonShare / std::max(1e-9, total);
+  const double share = common_share / std::max(1e-9, total);
   return {share * out.m2, share * out.rad2};
 }
 
@@ -103,6 +115,7 @@ Expected<MapletAlignment> Icap::align(const Maplet& a, const Maplet& b,
   if (!guess.se3.t.allFinite() || !guess.se3.q.coeffs().allFinite()) {
     return fail(ErrorCode::kBadInput, "the guess is not finite");
   }
+  kin_ = share_keyframes(a, b);
   pairs_.prepare(a, b, region_, guess.se3);
   T_started_.reset();
   Se3 T = guess.se3;
@@ -292,11 +305,12 @@ void Icap::conclude(const Se3& T, MapletAlignment& out) noexcept {
   out.spread = spread_of(pairs, T);
   // Residuals say how large errors are, those of the pairs that hold the answer most of all; a few
   // of them do not say it well.
-  const double scale =
-      (kPriorDof + dof * leverage_chi2(pairs, T, seen.step_inverse)) / (kPriorDof + dof);
+  const double prior = kin_ ? kKinPriorDof : kPriorDof;
+  const double scale = (prior + dof * leverage_chi2(pairs, T, seen.step_inverse)) / (prior + dof);
   out.information = seen.information / scale;
   out.covariance = seen.covariance * scale + seen.free_covariance;
-  add_common(common_of(pairs, std::min(1.0, scale)), sums.pivot, out);
+  const double common = kin_ ? kKinCommonShare : kCommonShare;
+  add_common(common_of(pairs, common * std::min(1.0, scale)), sums.pivot, out);
   if (planar_) out.covariance = planar_->restrict_covariance(out.covariance);
   out.free_axes = seen.free_axes;
   out.matches = static_cast<std::uint16_t>(pairs.size());

@@ -93,6 +93,7 @@ class Icap {
   const RegionOfInterest* region_ = nullptr;
   std::optional<PlanarMotion> planar_;
   PlanePairs pairs_;
+  bool kin_ = false;              ///< the two share keyframes, and their noise
   std::optional<Se3> T_started_;  ///< that the pairs are of, where votes chose the start by them
   PlaceDescriptor place_a_;
   PlaceDescriptor place_b_;
