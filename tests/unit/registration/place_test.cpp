@@ -265,7 +265,7 @@ TEST_P(NextDoor, DecidesWhetherRoomsAreOne) {
 }
 
 INSTANTIATE_TEST_SUITE_P(PlaceVerifier, NextDoor, testing::Bool(),
-                         [](const auto& info) { return info.param ? "TheSame" : "Another"; });
+                         [](const auto& which) { return which.param ? "TheSame" : "Another"; });
 
 TEST(PlaceVerifier, NoTimeIsUndecidedNotAccepted) {
   Arena arena;
