@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "core/skeleton/linearise.hpp"
 
@@ -29,6 +30,7 @@ ClosureJudge<Space>::ClosureJudge(PoseGraph<Space> &graph, Arena &arena, const J
       chains_{chains},
       state_{arena.make_array<ClosureState>(graph.graph().max_factors(), "skeleton/closures")},
       chance_{arena.make_array<float>(graph.graph().max_factors(), "skeleton/closures")},
+      beyond_{arena.make_array<float>(graph.graph().max_factors(), "skeleton/closures")},
       closures_{arena.make_array<int>(graph.graph().max_factors(), "skeleton/closures")} {}
 
 template <class Space>
@@ -51,6 +53,7 @@ void ClosureJudge<Space>::consider(int factor, bool compare) noexcept {
   note_set_aside();
   turn(factor, ClosureState::kWaiting);
   doubt_ = 1.0;
+  beyond_[factor] = 0.0F;
   measure_extent();
   const Factor<Space> &f = graph_.graph().factor(factor);
   if (graph_.group(f.a) != graph_.group(f.b))
@@ -69,6 +72,7 @@ void ClosureJudge<Space>::consider(int factor, bool compare) noexcept {
   if (!measure(factor, 1, own)) return;
   chance_[factor] = static_cast<float>(chance(own.covariance));
   const double chi2 = own.e.dot(own.covariance.inverse() * own.e);
+  beyond_[factor] = static_cast<float>(chi2 / (gate_ * scale()));
   if (chi2 > gate_ * scale()) return reject(factor);
   if (chi2 < gate_ * strict_scale()) doubt_ = chance_[factor];
   if (!policy_.wants_support || chance_[factor] < sharp() || (compare && corroborated(factor, own)))
@@ -117,6 +121,7 @@ template <class Space>
 bool ClosureJudge<Space>::review() noexcept {
   note_set_aside();
   measure_extent();
+  const bool hasty = std::exchange(hasty_, true);
   bool changed = false;
   int worst = -1;
   int likeliest = -1;  // of those that nothing speaks for or against
@@ -142,6 +147,7 @@ bool ClosureJudge<Space>::review() noexcept {
       }
     } else if (state_[factor] != ClosureState::kForced && state_[factor] != ClosureState::kNoRoom) {
       const ClosureState before = state_[factor];
+      if (hasty && before == ClosureState::kRejected && beyond_[factor] > kFar) continue;
       consider(factor);
       changed = changed || (before != state_[factor] && state_[factor] == ClosureState::kAccepted);
       if (state_[factor] == ClosureState::kWaiting && doubt_ < least &&
@@ -166,7 +172,9 @@ bool ClosureJudge<Space>::review() noexcept {
     }
     changed = true;
   }
-  return changed;
+  if (changed) return true;
+  hasty_ = false;
+  return hasty && review();
 }
 
 template <class Space>
@@ -229,6 +237,7 @@ template <class Space>
 void ClosureJudge<Space>::begin_anew(std::span<const int> order) noexcept {
   note_set_aside();
   closure_count_ = extent_nodes_ = 0;
+  hasty_ = false;
   for (const int factor : order)
     if (state_[factor] != ClosureState::kNone) closures_[closure_count_++] = factor;
   for (int k = 0; k < closure_count_; ++k) {

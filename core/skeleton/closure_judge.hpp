@@ -43,7 +43,7 @@ struct JudgePolicy {
 /// in. Where it is blunt, the closure waits until another one, given the first,
 /// passes a sharp test: two wrong ones seldom agree.
 ///
-/// Memory   nine bytes a factor, and Marginals.
+/// Memory   13 bytes a factor, and Marginals.
 /// Time     consider O(path to the root); review O(closures), one graph update
 /// each round. Math     docs/math/skeleton.md, section 8.
 template <class Space>
@@ -64,8 +64,8 @@ class ClosureJudge {
   void consider(int factor, bool compare = true) noexcept;
   /// Tests some of the others again, `count` of them.
   void look_again(int count) noexcept;
-  /// The whole set once more, at a settled estimate. @return whether a verdict
-  /// changed
+  /// The whole set once more, at a settled estimate; after a change those that were far from
+  /// fitting only once nothing else changes any more. @return whether a verdict changed
   bool review() noexcept;
   /// Takes out all that fail where the estimate stands, and nothing in. @return whether any did
   bool drop_misfits() noexcept;
@@ -109,6 +109,8 @@ class ClosureJudge {
   static constexpr double kSharp = 1e-4;
   /// So many of those that are out may pass by chance, of all of them together.
   static constexpr double kByChance = 0.01;
+  /// So far beyond the gate it is not looked at again in each round of a review.
+  static constexpr float kFar = 10.0F;
 
   struct Innovation {
     Tangent e;
@@ -146,6 +148,7 @@ class ClosureJudge {
   const OdometryChains<Space> *chains_;
   std::span<ClosureState> state_;
   std::span<float> chance_;  ///< chance(), when it was last measured
+  std::span<float> beyond_;  ///< chi2 by the gate then
   std::span<int> closures_;  ///< in order of arrival
   int closure_count_ = 0;
   int accepted_ = 0;
@@ -154,6 +157,7 @@ class ClosureJudge {
   std::array<int, 24> cycles_{};  ///< by the logarithm of how large they are for their covariance
   int cycle_count_ = 0;
   double local_scale_ = 1.0;
+  bool hasty_ = false;  ///< the next review leaves out those that are far beyond the gate
   bool fresh_ = false;  ///< the closure under consideration is looked at for the first time
   std::uint64_t draws_ = 1;
   double expected_ = 0.0;        ///< agreements of shuffled closures, by chance()

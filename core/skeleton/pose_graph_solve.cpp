@@ -89,6 +89,7 @@ SolveReport PoseGraph<Space>::update(Deadline deadline, int max_iterations) noex
       }
       job_first_ = false;
       if (std::exchange(refresh_, false)) {
+        stepper_.come_back();
         start_fresh_job(0.0);
       } else {
         start_job();

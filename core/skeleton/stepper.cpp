@@ -59,6 +59,14 @@ void Stepper<Space>::conclude() noexcept {
 }
 
 template <class Space>
+void Stepper<Space>::come_back() noexcept {
+  constexpr double kNothing = 1e-6;
+  if (reference_ < 0.0 || saved_count_ == 0 || chi2_ < kFar * reference_ + kNothing) return;
+  back_to_reference();
+  scale_ *= 0.125;  // and twice that at the next look
+}
+
+template <class Space>
 void Stepper<Space>::take_reference() noexcept {
   for (int k = 0; k < saved_count_; ++k) state_[saved_[k]].saved = false;
   saved_count_ = since_reference_ = 0;
@@ -70,8 +78,12 @@ void Stepper<Space>::back_to_reference() noexcept {
   for (int k = 0; k < saved_count_; ++k)
     graph_.node(saved_[k]).pose = graph_.node(saved_[k]).backup;
   loss_ = -1.0;  // no model is judged by going back
-  for (int k = 0; k < saved_count_; ++k)
-    graph_.for_each_incident(saved_[k], [&](int f, int) { evaluate(f); });
+  if (chi2_ < kLost * reference_) {
+    for (int k = 0; k < saved_count_; ++k)
+      graph_.for_each_incident(saved_[k], [&](int f, int) { evaluate(f); });
+  } else {  // sums that went so far would not come back but for rounding
+    evaluate_all();
+  }
   loss_ = 0.0;
   take_reference();
 }
@@ -133,6 +145,10 @@ auto Stepper<Space>::judge(double tolerance) noexcept -> Result {
   // Anew only for a miss that counts: a few steps cost less than all columns.
   const bool misled = poor && last_chi2_ - chi2_ < 0.5 * expected_ - 10.0 * tolerance;
   expected_ = 0.0;
+  if (scale_ < kLeastScale) {
+    scale_ = 1.0;
+    return Result::kStuck;
+  }
   if ((misled || misjudges_) && since_refresh_ > 1) {
     if (reference_ >= 0.0 && !(chi2_ <= reference_)) back_to_reference();
     since_refresh_ = 0;
@@ -147,7 +163,7 @@ auto Stepper<Space>::judge(double tolerance) noexcept -> Result {
     back_to_reference();
     last_power_ = 0.0;
     scale_ *= 0.25;
-    if (scale_ > 1e-3) return Result::kDeadline;
+    if (scale_ > kLeastScale) return Result::kDeadline;
     scale_ = 1.0;
     return Result::kStuck;
   }

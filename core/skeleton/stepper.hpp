@@ -67,6 +67,8 @@ class Stepper {
   /// To call before the objective changes: leaves no step behind that has made things worse.
   /// @pre caught up
   void conclude() noexcept;
+  /// To call before everything is linearised anew: not where a step went astray. @pre caught up
+  void come_back() noexcept;
   /// Everything was linearised where the estimate stands: what earlier steps showed of the factor
   /// is past.
   void trust_factor() noexcept {
@@ -132,8 +134,10 @@ class Stepper {
   [[nodiscard]] double predicted() const noexcept { return predicted_; }
 
  private:
-  static constexpr int kPatience = 4;    ///< steps that may pass without a new low
-  static constexpr double kFar = 100.0;  ///< times the low: taken back at once
+  static constexpr int kPatience = 4;          ///< steps that may pass without a new low
+  static constexpr double kFar = 100.0;        ///< times the low: taken back at once
+  static constexpr double kLost = 1e6;         ///< times the low: all sums anew
+  static constexpr double kLeastScale = 1e-3;  ///< shorter steps than that are none
 
   enum class Phase : std::uint8_t { kIdle, kEvaluate, kForward, kBackward, kMove };
 

@@ -43,7 +43,8 @@ class Run {
   static constexpr int kLastRounds = 3;
   static constexpr int kMostReviews = 30;
   static constexpr int kMostSearches = 10'000;
-  static constexpr std::size_t kStepsPerDecision = 20;
+  static constexpr std::size_t kStepsPerDecision = 20;  ///< at least, and one more for
+  static constexpr std::size_t kStepsPerStep = 20;      ///< so many steps
   static constexpr int kMostRounds = 40;  ///< of a second start; with closures to be judged fewer
   static constexpr int kFewRounds = 6;
   static constexpr int kLooks = 50;  ///< updates between looks at a second start
@@ -62,7 +63,7 @@ class Run {
     for (const Vertex& v : file.vertices) start_.try_emplace(v.id, v.pose);
     arena_ = roomy_arena(std::uint64_t{1} << 34);
     SolvePolicy policy;
-    if (file.planar && !options.robust) policy.step_share = kStepShare;
+    if (file.planar) policy.step_share = kStepShare;
     // Nodes are taken out as they stand: what waits would be frozen before it has had its say.
     if (options.max_nodes > 0) policy.defer_share = kShareWhenFull;
     // A time that is given is the limit: the work that is the limit without it takes half of 2 ms.
@@ -217,30 +218,44 @@ class Run {
     (void)solver_->chi2();
   }
 
-  /// Verdicts over the whole set, each round at a settled estimate.
+  /// As it goes: graphs that are large already wait longer for all that is undecided.
+  void decide() {
+    const std::size_t now = outcome_.steps.size();
+    const bool all = now >= next_decision_;
+    if (all) next_decision_ = now + std::max(kStepsPerDecision, now / kStepsPerStep);
+    closures_->decide(all);
+  }
+
   template <class Settle>
-  void review(Settle&& settle_now) {
-    if (!closures_) return;
+  void decide_all(Settle&& settle_now) {
     timed([&] {
       closures_->decide(true);
       return solver_->update(Deadline::never());
     });
     settle_now();
+  }
+
+  /// Verdicts over the whole set, each round at a settled estimate. @return whether any changed
+  template <class Settle>
+  bool review(Settle&& settle_now) {
     patience_ = kLeastPatience + static_cast<int>(order_.size() / kEdgesPerUpdate);
     bool changed = true;
+    bool ever = false;
     for (int round = 0; round < kMostReviews && changed && patience_ > 0; ++round) {
       timed([&] {
         changed = closures_->review();
         return solver_->update(Deadline::never());
       });
+      ever = ever || changed;
       if (changed) settle_now();
     }
     settle_now();  // others may have been taken in beside the one that was asked about
     for (int round = 0; round < kLastRounds && changed && closures_->drop_misfits(); ++round)
       settle_now();
-    if (!closures_->choose_sets()) return;
+    if (!closures_->choose_sets()) return ever;
     timed([&] { return solver_->update(Deadline::never()); });
     settle_now();
+    return true;
   }
 
   /// All at once. What sights start from, and what is left of a graph that is kept small, are found
@@ -261,7 +276,9 @@ class Run {
       if (table_->has(id))
         solver_->graph().node(table_->find(id)->node).pose = to_pose(pose, Space{});
     whole();
-    review(whole);
+    if (!closures_) return;
+    decide_all(whole);
+    (void)review(whole);
   }
 
   void incremental() {
@@ -289,7 +306,7 @@ class Run {
         for (std::size_t k = first; k < i; ++k) add(order_[k].edge);
         if (finder_) finder_->work(end);
         const SolveReport report = solver_->update(end);
-        if (closures_) closures_->decide(outcome_.steps.size() % kStepsPerDecision == 0);
+        if (closures_) decide();
         return report;
       });
     }
@@ -305,9 +322,10 @@ class Run {
     patience_ = kPatience;
     for (int k = 0; k < idle; ++k) timed([&] { return solver_->update(deadline()); });
     if (!to_the_end) return;
+    const auto settle_now = [&] { settle(); };
+    if (closures_) decide_all(settle_now);
     second_start();
-    review([&] { settle(); });
-    if (closures_) second_start();  // which ones count has changed
+    if (closures_ && review(settle_now)) second_start();
   }
 
   void forget(int factor) {
@@ -347,7 +365,8 @@ class Run {
   std::vector<Item> order_;
   std::size_t taken_ = 0;  ///< of order_
   std::uint64_t settling_ = 0;
-  int patience_ = kPatience;  ///< updates left
+  int patience_ = kPatience;       ///< updates left
+  std::size_t next_decision_ = 0;  ///< by steps
   std::unordered_map<std::uint64_t, Se3> start_;
   std::vector<int> edge_of_;
   std::unique_ptr<Arena> arena_;

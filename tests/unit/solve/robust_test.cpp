@@ -82,7 +82,7 @@ TEST_P(SolveRobust, ClosuresOfASmallMapThatNothingSpeaksAgainstAreKept) {
 }
 
 TEST_P(SolveRobust, AClosureThatStandsAloneIsKeptAmongManyFalseOnes) {
-  constexpr int kSide = 6;
+  constexpr int kSide = 3;
   GraphFile graph = city(800, 8, 0.03, 5);
   std::mt19937 random{9};
   std::normal_distribution<double> noise{0.0, 0.03};
