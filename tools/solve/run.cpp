@@ -43,8 +43,7 @@ class Run {
   static constexpr int kLastRounds = 3;
   static constexpr int kMostReviews = 30;
   static constexpr int kMostSearches = 10'000;
-  static constexpr std::size_t kStepsPerDecision = 20;  ///< at least, and one more for
-  static constexpr std::size_t kStepsPerStep = 20;      ///< so many steps
+  static constexpr std::size_t kStepsPerDecision = 20;
   static constexpr int kMostRounds = 40;  ///< of a second start; with closures to be judged fewer
   static constexpr int kFewRounds = 6;
   static constexpr int kLooks = 50;  ///< updates between looks at a second start
@@ -63,7 +62,7 @@ class Run {
     for (const Vertex& v : file.vertices) start_.try_emplace(v.id, v.pose);
     arena_ = roomy_arena(std::uint64_t{1} << 34);
     SolvePolicy policy;
-    if (file.planar) policy.step_share = kStepShare;
+    if (file.planar && !options.robust) policy.step_share = kStepShare;
     // Nodes are taken out as they stand: what waits would be frozen before it has had its say.
     if (options.max_nodes > 0) policy.defer_share = kShareWhenFull;
     // A time that is given is the limit: the work that is the limit without it takes half of 2 ms.
@@ -218,14 +217,6 @@ class Run {
     (void)solver_->chi2();
   }
 
-  /// As it goes: graphs that are large already wait longer for all that is undecided.
-  void decide() {
-    const std::size_t now = outcome_.steps.size();
-    const bool all = now >= next_decision_;
-    if (all) next_decision_ = now + std::max(kStepsPerDecision, now / kStepsPerStep);
-    closures_->decide(all);
-  }
-
   template <class Settle>
   void decide_all(Settle&& settle_now) {
     timed([&] {
@@ -306,7 +297,7 @@ class Run {
         for (std::size_t k = first; k < i; ++k) add(order_[k].edge);
         if (finder_) finder_->work(end);
         const SolveReport report = solver_->update(end);
-        if (closures_) decide();
+        if (closures_) closures_->decide(outcome_.steps.size() % kStepsPerDecision == 0);
         return report;
       });
     }
@@ -365,8 +356,7 @@ class Run {
   std::vector<Item> order_;
   std::size_t taken_ = 0;  ///< of order_
   std::uint64_t settling_ = 0;
-  int patience_ = kPatience;       ///< updates left
-  std::size_t next_decision_ = 0;  ///< by steps
+  int patience_ = kPatience;  ///< updates left
   std::unordered_map<std::uint64_t, Se3> start_;
   std::vector<int> edge_of_;
   std::unique_ptr<Arena> arena_;
