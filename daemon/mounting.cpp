@@ -46,10 +46,11 @@ Line plane_doubt(const std::optional<PlaneHold::Report>& plane) noexcept {
         PlaneHold::Report::kOff_rad * 57.29577951308232);
   }
   if (plane->floor_off_rad > kTilted_rad) {
-    return line(
-        "motion = planar, but the floor that the first view shows is {:.1f} deg from body.up: "
-        "measure it again, or leave it to auto",
-        plane->floor_off_rad * 57.29577951308232);
+    const bool goes_on = plane->from == UpSource::kMission;
+    return line("motion = planar, but the floor that the first view shows is {:.1f} deg from {}",
+                plane->floor_off_rad * 57.29577951308232,
+                goes_on ? "the plane of the mission's maplets: the camera sits otherwise now"
+                        : "body.up: measure it again, or leave it to auto");
   }
   if (plane->from == UpSource::kMounting) {
     return line(

@@ -35,8 +35,6 @@ Matrix6d level(const PlanarMotion& planar, const Matrix6d& covariance) noexcept 
   return out;
 }
 
-bool out_of_plane(std::size_t axis) noexcept { return axis != 0 && axis != 2 && axis != 4; }
-
 bool says_only_the_plane(const DeltaPoseRecord& record) noexcept {
   const CovarianceCode& code = record.covariance;
   bool only = record.translation_m[1] == 0.0F && record.rotation_rad[0] == 0.0F &&
@@ -44,9 +42,9 @@ bool says_only_the_plane(const DeltaPoseRecord& record) noexcept {
   std::size_t shape = 0;
   for (std::size_t row = 0; row < 6; ++row) {
     for (std::size_t column = 0; column < row; ++column, ++shape) {
-      only = only && (code.shape[shape] == 0 || !(out_of_plane(row) || out_of_plane(column)));
+      only = only && (code.shape[shape] == 0 || (in_plane(row) && in_plane(column)));
     }
-    if (!out_of_plane(row)) continue;
+    if (in_plane(row)) continue;
     only = only && code.sigma[row] == static_cast<float>(PlanarMotion::kTold) &&
            code.pivot[row - 1] == 0;
   }

@@ -35,6 +35,11 @@ struct DeltaPoseRecord {
   friend bool operator==(const DeltaPoseRecord&, const DeltaPoseRecord&) = default;
 };
 
+/// Of a planar record's six numbers those that say something: right, forward, the turn about down.
+[[nodiscard]] constexpr bool in_plane(std::size_t axis) noexcept {
+  return axis == 0 || axis == 2 || axis == 4;
+}
+
 /// Serialised in the local domain: CDR with its 4-byte header (tests/unit/dds measures it).
 inline constexpr std::size_t kDeltaPosePayloadBytes = 156;
 

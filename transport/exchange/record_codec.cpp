@@ -28,9 +28,6 @@ constexpr std::size_t shape_index(std::size_t row, std::size_t column) noexcept 
   return row * (row - 1) / 2 + column;
 }
 
-// Right, forward and the turn about down, of six.
-bool in_plane(std::size_t axis) noexcept { return axis == 0 || axis == 2 || axis == 4; }
-
 void write_sigma(ByteWriter& out, float sigma) noexcept {
   int exponent = 0;
   const double mantissa = std::frexp(double{sigma}, &exponent);
