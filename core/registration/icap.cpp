@@ -17,6 +17,7 @@ namespace {
 // say what errors are. Maplets that share keyframes fit better than they are.
 constexpr double kCommonShare = 0.001;
 constexpr double kPriorDof = 0.25;
+constexpr double kUsualKeyframes = 11.0;  // of a maplet whose planes are as unsure as they say
 constexpr double kKinCommonShare = 0.003;
 constexpr double kKinPriorDof = 1.0;
 constexpr double kConverged_m = 2e-4;
@@ -47,6 +48,12 @@ bool share_keyframes(const Maplet& a, const Maplet& b) noexcept {
     return std::ranges::any_of(b.keyframes,
                                [&](const MapletKeyframe& y) { return x.stamp == y.stamp; });
   });
+}
+
+// How many keyframes a maplet's planes are chained by, times what is usual. The coarsest layer of
+// one does not say.
+double chain_of(const Maplet& m) noexcept {
+  return m.keyframes.size() > 1 ? static_cast<double>(m.keyframes.size()) / kUsualKeyframes : 1.0;
 }
 
 // What the planes of one maplet are off by together, because they share its path: no number of
@@ -147,6 +154,11 @@ Expected<MapletAlignment> Icap::align(const Maplet& a, const Maplet& b,
     } else {  // pairs() are the answer's
       pairs_.match(out.T_a_b.se3, kLeastGate_m, kLeastGate_rad, config_);
     }
+  }
+  if (!kin_) {  // eq. 11e
+    const double chained = std::clamp(chain_of(a) + chain_of(b), 0.8, 4.0) / 2.0;
+    out.covariance *= chained;
+    out.information /= chained;
   }
   if (out.stop == Stop::kDeadline) {  // what is within the gates may still be the answer, eq. 11d
     const Common gates{gate_m * gate_m / 9.0, gate_rad * gate_rad / 9.0};
