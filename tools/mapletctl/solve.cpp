@@ -109,9 +109,13 @@ void tell_duplicates(const Options& options, const graphs::GraphFile& graph) {
   if (graph.planar && graph.spatial)
     throw Failure{options.inputs[0] + ": SE2 and SE3 in one graph; solve them apart"};
   if (graph.edges.empty() && graph.vertices.empty())
-    throw Failure{options.inputs[0] +
-                  ": no vertex and no edge in it; is it g2o (EDGE_SE2, EDGE_SE3:QUAT), pyfg or "
-                  "MRCLAM?"};
+    throw Failure{fmt::format(
+        "{}: no vertex and no edge in it{}; is it g2o (EDGE_SE2, EDGE_SE3:QUAT), pyfg or MRCLAM?",
+        options.inputs[0],
+        graph.unknown_lines > 0 ? " (lines begin with " + graph.unknown_tag + ")" : "")};
+  if (graph.unknown_lines > 0)
+    say("{} lines of kinds that are not read, the first is {}; left out", graph.unknown_lines,
+        graph.unknown_tag);
   tell_duplicates(options, graph);
   return graph;
 }

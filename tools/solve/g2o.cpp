@@ -71,7 +71,7 @@ const char* read_line(std::string_view line, GraphFile& graph, Edge& edge) {
   const auto* tag =
       std::find_if(kTags.begin(), kTags.end(), [&](const Tag& t) { return t.name == name; });
   if (tag == kTags.end()) {
-    ++graph.unknown_lines;
+    graph.note_unknown(name);
     return nullptr;
   }
   const char* wrong = nullptr;

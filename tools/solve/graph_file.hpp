@@ -58,6 +58,12 @@ struct GraphFile {
   std::vector<Complaint> complaints;         ///< the first kMaxComplaints, three of a kind
   std::uint64_t bad_lines = 0;
   std::uint64_t unknown_lines = 0;  ///< tags that are not for us
+  std::string unknown_tag;          ///< the first of them
+
+  void note_unknown(std::string_view tag) {
+    if (unknown_lines++ > 0) return;
+    for (const char c : tag.substr(0, 40)) unknown_tag += c > ' ' && c <= '~' ? c : '?';
+  }
   static constexpr std::size_t kMaxComplaints = 100;
 };
 

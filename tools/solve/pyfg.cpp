@@ -108,7 +108,7 @@ const char* read_line(std::string_view line, GraphFile& graph, Edge& edge) {
     } else if (tag == "EDGE_RANGE") {
       edge.kind = FactorKind::kRange;
     } else {
-      ++graph.unknown_lines;
+      graph.note_unknown(tag);
       return nullptr;
     }
     wrong = read_edge(words, planar, graph, edge);

@@ -48,6 +48,12 @@ TEST(Pyfg, ComplainsOfWhatMakesNoSense) {
       0, graph);
   EXPECT_EQ(graph.bad_lines, 7u);
   EXPECT_EQ(graph.unknown_lines, 1u);
+  graph.note_unknown("SECOND");
+  EXPECT_EQ(graph.unknown_lines, 2u);
+  EXPECT_NE(graph.unknown_tag, "SECOND");
+  GraphFile garbage;
+  garbage.note_unknown("\x1b[2J" + std::string(100, 'a'));
+  EXPECT_EQ(garbage.unknown_tag, "?[2J" + std::string(36, 'a'));
   EXPECT_TRUE(graph.edges.empty());
 }
 
