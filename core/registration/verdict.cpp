@@ -55,6 +55,9 @@ Judgement judge_alignment(const MapletAlignment& found, const Evidence& evidence
     return {Verdict::kReject, "the planes do not fit"};
   }
   if (evidence.contradiction() > config.reject_conflict) {
+    if (!found.free_axes.empty()) {  // elsewhere along it they may not
+      return {Verdict::kUndecided, "one saw through the other's surfaces, but an axis is free"};
+    }
     return {Verdict::kReject, "one saw through the other's surfaces"};
   }
   if (found.matches < config.accept_matches) return {Verdict::kUndecided, "too few planes"};

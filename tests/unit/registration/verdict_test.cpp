@@ -102,6 +102,21 @@ TEST(Verifier, NothingMovesAlongAFreeAxis) {
   EXPECT_LT(c.alignment.T_a_b.se3.t.norm(), 0.2);
 }
 
+// Along it they may lie elsewhere.
+TEST(Verdict, WhatIsLookedThroughRejectsWhereNoAxisIsFree) {
+  MapletAlignment found;
+  found.matches = 10;
+  found.overlap = 0.5;
+  Evidence evidence;
+  evidence.agreed = evidence.contradicted = 1.0;
+  const auto verdict = [&] {
+    return judge_alignment(found, evidence, Prior::kGuess, RegistrationConfig{}).verdict;
+  };
+  EXPECT_EQ(verdict(), Verdict::kReject);
+  found.free_axes.push_back(Vector6d::Unit(0));
+  EXPECT_EQ(verdict(), Verdict::kUndecided);
+}
+
 // One looked through where the other has a wall: across the room, facing the camera.
 TEST(Evidence, WallInTheWayIsNoticed) {
   const Se3 T = test::camera_at({1.0, 2.5, 1.2}, 0.0);
