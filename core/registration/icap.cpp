@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/maplet/shared_keyframe.hpp"
 #include "core/registration/observability.hpp"
 #include "core/registration/pair_sums.hpp"
 
@@ -40,14 +41,6 @@ constexpr double kSlideAlong = 0.7;
 // Whether pairs that were found at x are those that would be found at y.
 bool close(const Se3& x, const Se3& y) noexcept {
   return (x.t - y.t).norm() < kSamePairs_m && x.q.angularDistance(y.q) < kSamePairs_rad;
-}
-
-bool share_keyframes(const Maplet& a, const Maplet& b) noexcept {
-  if (a.key.agent != b.key.agent || a.key.epoch != b.key.epoch) return false;
-  return std::ranges::any_of(a.keyframes, [&](const MapletKeyframe& x) {
-    return std::ranges::any_of(b.keyframes,
-                               [&](const MapletKeyframe& y) { return x.stamp == y.stamp; });
-  });
 }
 
 // How many keyframes a maplet's planes are chained by, times what is usual. The coarsest layer of
@@ -122,7 +115,7 @@ Expected<MapletAlignment> Icap::align(const Maplet& a, const Maplet& b,
   if (!guess.se3.t.allFinite() || !guess.se3.q.coeffs().allFinite()) {
     return fail(ErrorCode::kBadInput, "the guess is not finite");
   }
-  kin_ = share_keyframes(a, b);
+  kin_ = shared_keyframe(a, b).has_value();
   pairs_.prepare(a, b, region_, guess.se3);
   T_started_.reset();
   Se3 T = guess.se3;

@@ -31,8 +31,8 @@ void insert(const Item& item, double Item::*by, List& list) noexcept {
 void Surroundings::begin(const MapletKey& a, const MapletKey& b, const Se3& T_a_b) noexcept {
   *this = {};
   T_a_b_ = T_a_b;
-  beside_a_.push_back({a, Se3{}, -1.0});
-  beside_b_.push_back({b, Se3{}, -1.0});
+  beside_a_.push_back({a, Se3{}, 0.0});
+  beside_b_.push_back({b, Se3{}, 0.0});
 }
 
 void Surroundings::put(const MapletKey& key, const Se3& T, Besides& besides) noexcept {
@@ -53,9 +53,9 @@ void Surroundings::pair_up() noexcept {
   for (const Beside& a : beside_a_) {
     for (const Beside& b : beside_b_) {
       if (&a == &beside_a_.front() && &b == &beside_b_.front()) continue;
-      if (a.T_place_key.t.norm() + b.T_place_key.t.norm() > kReach_m) continue;
-      const double apart_m = a.T_place_key.t.norm() + a.T_place_key.angle() +
-                             b.T_place_key.t.norm() + b.T_place_key.angle();
+      const double path_m = a.path_m + b.path_m;
+      if (path_m > kReach_m) continue;
+      const double apart_m = path_m + a.T_place_key.angle() + b.T_place_key.angle();
       insert(Pair{a.key, b.key, a.T_place_key.inverse() * T_a_b_ * b.T_place_key, apart_m},
              &Pair::apart_m, pairs_);
     }

@@ -43,16 +43,4 @@ std::unique_ptr<Maplet> read_maplet(const std::filesystem::path& file) {
   return out;
 }
 
-bool shared_keyframe(const Maplet& a, const Maplet& b, Se3& T_a_b) {
-  if (a.key.agent != b.key.agent || a.key.epoch != b.key.epoch) return false;
-  for (const MapletKeyframe& ka : a.keyframes) {
-    for (const MapletKeyframe& kb : b.keyframes) {
-      if (ka.stamp != kb.stamp) continue;
-      T_a_b = ka.T_maplet_camera.se3 * kb.T_maplet_camera.se3.inverse();
-      return true;
-    }
-  }
-  return false;
-}
-
 }  // namespace maplet::files

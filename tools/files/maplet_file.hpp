@@ -18,7 +18,4 @@ namespace maplet::files {
 /// @throws std::runtime_error  naming the file, when it cannot be read or is no maplet
 [[nodiscard]] std::unique_ptr<Maplet> read_maplet(const std::filesystem::path& file);
 
-/// Maplets of one path share keyframes: how such a one has them lie. @return false: they share none
-[[nodiscard]] bool shared_keyframe(const Maplet& a, const Maplet& b, Se3& T_a_b);
-
 }  // namespace maplet::files

@@ -7,6 +7,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "core/maplet/shared_keyframe.hpp"
 #include "core/registration/icap.hpp"
 #include "core/registration/place_index.hpp"
 #include "core/registration/place_verifier.hpp"
@@ -131,10 +132,10 @@ Tried propose(const Side& a, const Side& b) {
 void note_fits(const Side& side, const RegistrationConfig& config, PlaceVerifier& verifier) {
   const auto icap = std::make_unique<Icap>(config);
   for (std::size_t i = 1; i < side.maplets.size(); ++i) {
-    Se3 T_a_b;
-    if (!files::shared_keyframe(*side.maplets[i - 1], *side.maplets[i], T_a_b)) continue;
+    const auto T_a_b = shared_keyframe(*side.maplets[i - 1], *side.maplets[i]);
+    if (!T_a_b) continue;
     const auto found =
-        icap->align(*side.maplets[i - 1], *side.maplets[i], Transform<MapletA, MapletB>{T_a_b},
+        icap->align(*side.maplets[i - 1], *side.maplets[i], Transform<MapletA, MapletB>{*T_a_b},
                     config.link_gate_m, config.link_gate_rad, Deadline::never());
     if (found) verifier.note_fit(found->chi2_per_dof);
   }

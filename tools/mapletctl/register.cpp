@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "core/maplet/shared_keyframe.hpp"
 #include "core/registration/place_index.hpp"
 #include "core/registration/place_verifier.hpp"
 #include "core/registration/verdict.hpp"
@@ -144,7 +145,9 @@ void run(const Options& options) {
   Se3 guess;
   const bool guessed = !options.guess.empty();
   if (guessed) guess = parse_guess(options.guess);
-  const bool linked = !guessed && files::shared_keyframe(*a, *b, guess);
+  const auto of_path = guessed ? std::nullopt : shared_keyframe(*a, *b);
+  const bool linked = of_path.has_value();
+  if (linked) guess = *of_path;
   const double gate_m = linked ? config.link_gate_m : config.gate_m;
   const double gate_rad = linked ? config.link_gate_rad : config.gate_rad;
   const MonotonicClock clock;
