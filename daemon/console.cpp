@@ -68,8 +68,12 @@ void Console::list_closures(const Agent& agent) noexcept {
   for (int i = 0; i < skeleton.factor_count() && closure_count_ < kMaxClosures; ++i) {
     const Skeleton::FactorView factor = skeleton.factor(i);
     if (factor.kind != DeltaPose::Kind::kClosure) continue;
-    closures_[closure_count_++] = {factor.a, factor.b, factor.chi2, factor.weight,
-                                   factor.T_a_b.t.norm()};
+    closures_[closure_count_++] = {factor.a,
+                                   factor.b,
+                                   factor.chi2,
+                                   factor.weight,
+                                   factor.T_a_b.t.norm(),
+                                   factor.verdict == ClosureState::kTorn};
   }
 }
 
@@ -151,6 +155,7 @@ void Console::look_into(const Agent& agent) noexcept {
     if (factor.a.agent != about_ && factor.b.agent != about_) continue;
     ++why_.closures;
     if (factor.weight > kRejected) ++why_.closures_kept;
+    if (factor.verdict == ClosureState::kTorn) ++why_.closures_torn;
   }
 }
 

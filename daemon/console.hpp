@@ -85,6 +85,7 @@ class Console {
     double chi2 = 0.0;
     double weight = 0.0;
     double length_m = 0.0;
+    bool torn = false;
   };
   struct NewClosure {
     std::uint16_t agent_a = 0;
@@ -161,6 +162,7 @@ class Console {
     std::uint32_t related = 0;        ///< of these in one group with ours
     std::uint32_t closures = 0;       ///< between the two
     std::uint32_t closures_kept = 0;  ///< of these with weight
+    std::uint32_t closures_torn = 0;  ///< of these: some say one thing, as many another
     EncounterCounts looked;           ///< how its maplets compare with ours
   } why_;
 

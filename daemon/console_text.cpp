@@ -191,6 +191,11 @@ std::string Console::why_text(int agent) {
             ? ", none looked alike enough to try"
             : fmt::format(", {} pairs, best overlap {:.0f} %, the last one: {}", why_.looked.pairs,
                           100.0 * why_.looked.best_overlap, why_.looked.reason));
+  } else if (why_.closures_torn > 0) {
+    reason = fmt::format(
+        "{} closures between the two say two different things, about as many each: undecided until "
+        "more is seen, or one side is rejected by hand",
+        why_.closures_torn);
   } else {
     reason = "all closures between the two are rejected";
   }
@@ -210,7 +215,8 @@ std::string Console::closures_text() {
                     {"length_m", line.length_m},
                     {"chi2", line.chi2},
                     {"weight", line.weight},
-                    {"rejected", line.weight < 1e-3}});
+                    {"rejected", line.weight < 1e-3},
+                    {"undecided", line.torn}});
   }
   return json.dump();
 }

@@ -166,7 +166,9 @@ Encounters::Found Encounters::judge(const Skeleton& skeleton, const MapletStore&
 
 Encounters::Found Encounters::report(const Skeleton& skeleton, const MapletKey& self) noexcept {
   Found found;
-  for (const PlaceHypothesis& h : verifier_.hypotheses()) {
+  const auto all = verifier_.hypotheses();
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    const PlaceHypothesis& h = all[i];
     const bool fresh = h.b == asked_ || h.a == asked_;
     if (fresh) {
       EncounterCounts& counts = counts_of(is_own(h.a, self) ? h.b.agent : h.a.agent);
@@ -175,17 +177,50 @@ Encounters::Found Encounters::report(const Skeleton& skeleton, const MapletKey& 
       counts.reason = h.judgement.reason;
     }
     // One closure a pair of maplets, and later ones may vouch for earlier ones.
-    if (full(found) || !worth_telling(h, skeleton)) continue;
-    told_.push_back({h.a, h.b});
-    ++counts_of(is_own(h.a, self) ? h.b.agent : h.a.agent).accepted;
-    found.push_back(closure_of(h.a, h.stamp_a, h.b, h.stamp_b, h.alignment));
+    if (!full(found) && worth_telling(h, skeleton)) tell(i, false, self, found);
   }
+  tell_rivals(skeleton, self, found);
   return found;
 }
 
+void Encounters::tell(std::size_t hypothesis, bool answered, const MapletKey& self,
+                      Found& found) noexcept {
+  const PlaceHypothesis& h = verifier_.hypotheses()[hypothesis];
+  told_.push_back({hypothesis, answered});
+  if (!answered) ++counts_of(is_own(h.a, self) ? h.b.agent : h.a.agent).accepted;
+  found.push_back(closure_of(h.a, h.stamp_a, h.b, h.stamp_b, h.alignment));
+}
+
+void Encounters::tell_rivals(const Skeleton& skeleton, const MapletKey& self,
+                             Found& found) noexcept {
+  const SkeletonRelations relations{skeleton};
+  const auto all = verifier_.hypotheses();
+  for (std::size_t k = 0; k < told_.size(); ++k) {
+    const PlaceHypothesis& h = all[told_[k].hypothesis];
+    if (told_[k].answered || h.judgement.verdict == Verdict::kAccept) continue;
+    const PlaceHypothesis* likeliest = nullptr;
+    for (const PlaceHypothesis& other : all) {
+      if (likeliest != nullptr && other.support <= likeliest->support) continue;
+      if (verifier_.rivals(h, other, relations) && !told(other) &&
+          !linked(skeleton, other.a, other.b))
+        likeliest = &other;
+    }
+    if (likeliest == nullptr) continue;
+    if (full(found)) return;
+    told_[k].answered = true;
+    tell(static_cast<std::size_t>(likeliest - all.data()), true, self, found);
+  }
+}
+
+bool Encounters::told(const PlaceHypothesis& h) const noexcept {
+  return std::ranges::any_of(told_, [&](const Told& t) {
+    const PlaceHypothesis& other = verifier_.hypotheses()[t.hypothesis];
+    return other.a == h.a && other.b == h.b;
+  });
+}
+
 bool Encounters::worth_telling(const PlaceHypothesis& h, const Skeleton& skeleton) const noexcept {
-  return h.judgement.verdict == Verdict::kAccept &&
-         std::ranges::find(told_, Pair{h.a, h.b}) == told_.end() && trusted(h, skeleton) &&
+  return h.judgement.verdict == Verdict::kAccept && !told(h) && trusted(h, skeleton) &&
          !linked(skeleton, h.a, h.b);
 }
 

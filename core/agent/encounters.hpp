@@ -32,7 +32,8 @@ struct EncounterCounts {
 ///
 /// A wrong closure between two maps bends both. So one pair alone is not believed: another, of two
 /// other maplets, must say the same; what lies around must not contradict; nor, once it relates the
-/// two, must the skeleton.
+/// two, must the skeleton. Should another place turn up afterwards that fits nearly as well, it is
+/// told as well, one for one: the skeleton then holds both against each other.
 ///
 /// Memory   foreign maplets, a place index over both sides, a verifier: in the arena.
 /// Time     work(): one maplet read, one query, one verification or a look at one pair around a
@@ -96,9 +97,9 @@ class Encounters {
   static constexpr std::size_t kHypotheses = 512;
   static constexpr std::size_t kAgents = 32;
 
-  struct Pair {
-    MapletKey a, b;
-    bool operator==(const Pair&) const = default;
+  struct Told {
+    std::size_t hypothesis;
+    bool answered;  ///< a rival of it has been told, too, or it is one
   };
 
   [[nodiscard]] bool load(const MapletKey& key, const MapletStore& own, const MapletKey& self,
@@ -112,6 +113,9 @@ class Encounters {
   [[nodiscard]] Found report(const Skeleton& skeleton, const MapletKey& self) noexcept;
   [[nodiscard]] bool worth_telling(const PlaceHypothesis& h,
                                    const Skeleton& skeleton) const noexcept;
+  void tell(std::size_t hypothesis, bool answered, const MapletKey& self, Found& found) noexcept;
+  void tell_rivals(const Skeleton& skeleton, const MapletKey& self, Found& found) noexcept;
+  [[nodiscard]] bool told(const PlaceHypothesis& h) const noexcept;
   [[nodiscard]] bool unlooked(const PlaceHypothesis& h, const Skeleton& skeleton) const noexcept;
   void begin_look(const PlaceHypothesis& h, const Skeleton& skeleton, const MapletStore& own,
                   const MapletKey& self) noexcept;
@@ -125,7 +129,7 @@ class Encounters {
   PlaceIndex index_;
   PlaceVerifier verifier_;
   std::optional<PlanarMotion> planar_;
-  StaticVector<Pair, kHypotheses> told_;  ///< of the verifier's: they are in the skeleton, or gone
+  StaticVector<Told, kHypotheses> told_;  ///< of the verifier's: they are in the skeleton, or gone
   Arena::Owned<Maplet> a_;
   Arena::Owned<Maplet> b_;
   std::array<MapletKey, kWaiting> waiting_{};  ///< a ring

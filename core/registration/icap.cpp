@@ -148,7 +148,7 @@ Expected<MapletAlignment> Icap::align(const Maplet& a, const Maplet& b,
       pairs_.match(out.T_a_b.se3, kLeastGate_m, kLeastGate_rad, config_);
     }
   }
-  if (!kin_) {  // eq. 11e
+  if (!kin_) {  // eq. 11c
     const double chained = std::clamp(chain_of(a) + chain_of(b), 0.8, 4.0) / 2.0;
     out.covariance *= chained;
     out.information /= chained;

@@ -70,7 +70,7 @@ class Icap {
   /// Both cameras move in one plane only, up being the same in both: three unknowns are left.
   void hold_to(const std::optional<PlanarMotion>& planar) noexcept { planar_ = planar; }
 
-  /// Adds to the covariance what single pairs of the last align move, eq. 11c: for whoever is about
+  /// Adds to the covariance what single pairs of the last align move, eq. 11e: for whoever is about
   /// to believe it.
   /// @return how many times less sure of the position it is then; 1: single pairs move nothing
   double doubt(MapletAlignment& alignment) const noexcept;

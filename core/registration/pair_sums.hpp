@@ -46,7 +46,7 @@ struct PairSums {
 /// alone, does. Tangent of b.
 ///
 /// Time   O(pairs)
-/// Math   docs/math/icap.md, eq. 11c
+/// Math   docs/math/icap.md, eq. 11e
 [[nodiscard]] Matrix6d leave_one_out(std::span<const PlanePair> pairs, const Se3& T,
                                      double free_sigma_m) noexcept;
 

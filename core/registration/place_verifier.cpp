@@ -150,25 +150,29 @@ void PlaceVerifier::gather_support(const PlaceRelations& relations) noexcept {
   }
 }
 
-// Another place for the same maplet, with nearly as much to say for itself. In the same pair
-// nothing has drifted, and its own evidence decides; between pairs their support does.
+// In the same pair nothing has drifted, and its own evidence decides; between pairs their support
+// does.
+bool PlaceVerifier::rivals(const PlaceHypothesis& h, const PlaceHypothesis& other,
+                           const PlaceRelations& relations) const noexcept {
+  if (&other == &h || (other.a != h.a && other.b != h.b)) return false;
+  if (other.evidence.contradiction() > kPlausible || !other.alignment.free_axes.empty())
+    return false;
+  const bool same_pair = other.a == h.a && other.b == h.b;
+  if (same_pair ? other.value < kNearlyAsGood * h.value
+                : other.support < kNearlyAsGood * h.support) {
+    return false;
+  }
+  Se3 T;
+  double apart_m = 0.0;
+  return predict(h, other, relations, T, apart_m) &&
+         !same_place(T, other.alignment.T_a_b.se3, apart_m, same_pair ? 1.0 : kElsewhere);
+}
+
 bool PlaceVerifier::has_rival(const PlaceHypothesis& h,
                               const PlaceRelations& relations) const noexcept {
-  for (const PlaceHypothesis& other : hypotheses_.first(count_)) {
-    if (&other == &h || (other.a != h.a && other.b != h.b)) continue;
-    if (other.evidence.contradiction() > kPlausible || !other.alignment.free_axes.empty()) continue;
-    const bool same_pair = other.a == h.a && other.b == h.b;
-    if (same_pair ? other.value < kNearlyAsGood * h.value
-                  : other.support < kNearlyAsGood * h.support) {
-      continue;
-    }
-    Se3 T;
-    double apart_m = 0.0;
-    if (!predict(h, other, relations, T, apart_m)) continue;
-    if (!same_place(T, other.alignment.T_a_b.se3, apart_m, same_pair ? 1.0 : kElsewhere))
-      return true;
-  }
-  return false;
+  return std::ranges::any_of(hypotheses_.first(count_), [&](const PlaceHypothesis& other) {
+    return rivals(h, other, relations);
+  });
 }
 
 // Whether a pair that was accepted by itself puts this one where it is.

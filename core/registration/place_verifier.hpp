@@ -81,6 +81,11 @@ class PlaceVerifier {
     hypotheses_[index].around = contradicts ? Around::kContradicts : Around::kFits;
   }
 
+  /// Whether `other` is another place for one of h's maplets, with nearly as much to say for itself
+  /// as last judged. Both are of hypotheses().
+  [[nodiscard]] bool rivals(const PlaceHypothesis& h, const PlaceHypothesis& other,
+                            const PlaceRelations& relations) const noexcept;
+
   /// The best hypothesis of each pair has the pair's verdict; order of add.
   [[nodiscard]] std::span<const PlaceHypothesis> hypotheses() const noexcept {
     return hypotheses_.first(count_);

@@ -51,11 +51,12 @@ void ClosureJudge<Space>::consider(int factor, bool compare) noexcept {
   fresh_ = state_[factor] == ClosureState::kNone;
   if (fresh_) closures_[closure_count_++] = factor;
   note_set_aside();
+  const Factor<Space> &f = graph_.graph().factor(factor);
+  if (state_[factor] == ClosureState::kTorn && graph_.group(f.a) != graph_.group(f.b)) return;
   turn(factor, ClosureState::kWaiting);
   doubt_ = 1.0;
   beyond_[factor] = 0.0F;
   measure_extent();
-  const Factor<Space> &f = graph_.graph().factor(factor);
   if (graph_.group(f.a) != graph_.group(f.b))
     return policy_.wants_support ? join_if_paired(factor) : accept(factor);
   if (policy_.wants_support && compare && borne_out(factor)) {
@@ -224,6 +225,14 @@ template <class Space>
 void ClosureJudge<Space>::reject(int factor) noexcept {
   const bool in = state_[factor] == ClosureState::kAccepted;
   turn(factor, ClosureState::kRejected);
+  if (in) graph_.set_weight(factor, 0.0);
+}
+
+template <class Space>
+void ClosureJudge<Space>::tear(int factor) noexcept {
+  if (state_[factor] == ClosureState::kNone) closures_[closure_count_++] = factor;
+  const bool in = state_[factor] == ClosureState::kAccepted;
+  turn(factor, ClosureState::kTorn);
   if (in) graph_.set_weight(factor, 0.0);
 }
 

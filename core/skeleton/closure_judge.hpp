@@ -23,6 +23,7 @@ enum class ClosureState : std::uint8_t {
   kRejected,  ///< weight 0; tested again as the graph changes
   kForced,    ///< by hand, either way: never tested
   kNoRoom,    ///< would count, but its elimination does not fit in memory
+  kTorn,      ///< weight 0: closures between the same two say two things, about as many each
 };
 
 /// How much a closure must show before it counts.
@@ -86,6 +87,9 @@ class ClosureJudge {
     if (state_[factor] == ClosureState::kNone) closures_[closure_count_++] = factor;
     reject(factor);
   }
+  /// Out until something else joins the two groups, or all are judged anew: others say otherwise,
+  /// and nobody can tell who is right.
+  void tear(int factor) noexcept;
   /// Closures, in order of arrival.
   [[nodiscard]] std::span<const int> closures() const noexcept {
     return closures_.first(static_cast<std::size_t>(closure_count_));

@@ -31,8 +31,13 @@ class ClosureSets {
         list_{arena.make_array<int>(capacity, "skeleton/consistency")},
         member_{arena.make_array<bool>(capacity, "skeleton/consistency")} {}
 
-  /// Calls verdict(factor, agrees, with how many) for each closure between two chains. Ties go to
-  /// whom the list names first.
+  struct Sizes {
+    int set;    ///< of the largest set
+    int rival;  ///< of the largest one of the others
+  };
+
+  /// Calls verdict(factor, agrees, sizes) for each closure between two chains. Ties go to whom the
+  /// list names first.
   template <class Verdict>
   void choose(std::span<const int> closures, Verdict&& verdict) noexcept {
     for (std::size_t first = 0; first < closures.size(); ++first) {
@@ -48,9 +53,11 @@ class ClosureSets {
       for (int i = 0; i < count; ++i)
         for (int j = 0; j < i; ++j)
           if (chi2(list_[i], list_[j]) < kGate) set_.agree(i, j);
-      const int size = set_.find(member_);
-      const bool none = size == 1 && count > 1;  // no two agree: nobody is borne out
-      for (int i = 0; i < count; ++i) verdict(list_[i], member_[i] && !none, size);
+      Sizes sizes{};
+      sizes.set = set_.find(member_);
+      sizes.rival = set_.find_apart_from(member_);
+      const bool none = sizes.set == 1 && count > 1;  // no two agree: nobody is borne out
+      for (int i = 0; i < count; ++i) verdict(list_[i], member_[i] && !none, sizes);
     }
   }
 
@@ -70,9 +77,6 @@ class ClosureSets {
     return e.dot((own.covariance + around.covariance).inverse() * e);
   }
 
- private:
-  static constexpr double kGate = Space::kDim == 6 ? 16.812 : 11.345;  ///< chi-square, 99 %
-
   /// The two chains, the lower one first; twice the same: not between two.
   [[nodiscard]] std::pair<int, int> pair_of(int factor) const noexcept {
     const Factor<Space>& f = graph_.factor(factor);
@@ -81,6 +85,10 @@ class ClosureSets {
     if (a < 0 || b < 0) return {-1, -1};
     return a < b ? std::pair{a, b} : std::pair{b, a};
   }
+
+ private:
+  static constexpr double kGate = Space::kDim == 6 ? 16.812 : 11.345;  ///< chi-square, 99 %
+
   [[nodiscard]] static Relation<Space> measured(const Factor<Space>& f) noexcept {
     return {f.z, unpack<Space>(f.information).inverse()};
   }

@@ -13,7 +13,8 @@ ConsistentSet::ConsistentSet(int capacity, Arena& arena)
                                             "skeleton/consistency")},
       candidates_{arena.make_array<std::uint64_t>(words_, "skeleton/consistency")},
       chosen_{arena.make_array<std::uint64_t>(words_, "skeleton/consistency")},
-      best_{arena.make_array<std::uint64_t>(words_, "skeleton/consistency")} {}
+      best_{arena.make_array<std::uint64_t>(words_, "skeleton/consistency")},
+      out_{arena.make_array<std::uint64_t>(words_, "skeleton/consistency")} {}
 
 void ConsistentSet::clear(int count) noexcept {
   count_ = count;
@@ -27,7 +28,7 @@ void ConsistentSet::agree(int i, int j) noexcept {
 
 // A maximal clique with `first` in it: always the candidate that agrees with most others left.
 int ConsistentSet::grow(int first) noexcept {
-  std::copy_n(row(first).begin(), words_, candidates_.begin());
+  for (std::size_t w = 0; w < words_; ++w) candidates_[w] = row(first)[w] & ~out_[w];
   candidates_[first / 64] &= ~(std::uint64_t{1} << (first % 64));
   std::fill(chosen_.begin(), chosen_.end(), 0);
   chosen_[first / 64] |= std::uint64_t{1} << (first % 64);
@@ -53,6 +54,7 @@ int ConsistentSet::grow(int first) noexcept {
 }
 
 int ConsistentSet::find(std::span<bool> member) noexcept {
+  std::fill(out_.begin(), out_.end(), 0);
   int best = 0;
   for (int i = 0; i < count_; ++i) {
     int degree = 0;
@@ -64,6 +66,16 @@ int ConsistentSet::find(std::span<bool> member) noexcept {
     std::swap(best_, chosen_);
   }
   for (int i = 0; i < count_; ++i) member[i] = best > 0 && ((best_[i / 64] >> (i % 64)) & 1U) != 0U;
+  return best;
+}
+
+int ConsistentSet::find_apart_from(std::span<const bool> member) noexcept {
+  std::fill(out_.begin(), out_.end(), 0);
+  for (int i = 0; i < count_; ++i)
+    if (member[i]) out_[i / 64] |= std::uint64_t{1} << (i % 64);
+  int best = 0;
+  for (int i = 0; i < count_; ++i)
+    if (!member[i]) best = std::max(best, grow(i));
   return best;
 }
 

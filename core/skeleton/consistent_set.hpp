@@ -28,6 +28,9 @@ class ConsistentSet {
   /// Marks members. It is maximal: whoever is out disagrees with one that is in. Ties: lower
   /// numbers. @return how many
   int find(std::span<bool> member) noexcept;
+  /// The largest such set of those alone that are no members.
+  /// @return how many; 0: all are
+  int find_apart_from(std::span<const bool> member) noexcept;
 
  private:
   [[nodiscard]] std::span<const std::uint64_t> row(int i) const noexcept {
@@ -36,7 +39,7 @@ class ConsistentSet {
   [[nodiscard]] std::span<std::uint64_t> row(int i) noexcept {
     return bits_.subspan(static_cast<std::size_t>(i) * words_, words_);
   }
-  [[nodiscard]] int grow(int first) noexcept;
+  int grow(int first) noexcept;
 
   int capacity_;
   std::size_t words_;
@@ -44,6 +47,7 @@ class ConsistentSet {
   std::span<std::uint64_t> candidates_;
   std::span<std::uint64_t> chosen_;
   std::span<std::uint64_t> best_;
+  std::span<std::uint64_t> out_;  ///< never chosen
   int count_ = 0;
 };
 

@@ -225,12 +225,25 @@ Added Skeleton::add(const DeltaPose& delta, Deadline deadline) noexcept {
   return Added::kLinked;
 }
 
+// Whether closures between the same two paths contradict each other, as last settled. One more
+// would join the two until they are settled again.
+bool Skeleton::torn(int factor) const noexcept {
+  const auto own = sets_.pair_of(factor);
+  return std::ranges::any_of(judge_.closures(), [&](int other) {
+    return judge_.state(other) == ClosureState::kTorn && sets_.pair_of(other) == own;
+  });
+}
+
 // Closures are judged once everything that came before them is eliminated.
 void Skeleton::decide_waiting(Deadline deadline) noexcept {
   if (undecided_.empty() || !solver_.flush(deadline)) return;
   std::size_t done = 0;
-  for (; done < undecided_.size() && (done == 0 || !deadline.expired()); ++done)
-    if (judge_.state(undecided_[done]) != ClosureState::kForced) judge_.consider(undecided_[done]);
+  for (; done < undecided_.size() && (done == 0 || !deadline.expired()); ++done) {
+    const int factor = undecided_[done];
+    if (judge_.state(factor) == ClosureState::kForced) continue;
+    if (torn(factor)) judge_.tear(factor);
+    judge_.consider(factor);
+  }
   undecided_.erase(undecided_.begin(), undecided_.begin() + static_cast<std::ptrdiff_t>(done));
 }
 

@@ -201,6 +201,7 @@ class Skeleton {
   void hear_waiting() noexcept;
   void keep_newest(int node) noexcept;
   void decide_waiting(Deadline deadline) noexcept;
+  [[nodiscard]] bool torn(int factor) const noexcept;
   // skeleton_settle.cpp
   void sort_by_key() noexcept;
   void start_canonically() noexcept;

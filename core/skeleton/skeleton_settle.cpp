@@ -12,6 +12,7 @@ constexpr int kMostReviews = 30;
 constexpr int kUnheard =
     16;  // so many closures that are in, for one that the next does not know of
 constexpr double kStep = 1e-9;  // m, rad
+constexpr int kRivals = 2;      // so many that agree, and half as many as what they contradict
 }  // namespace
 
 void Skeleton::sort_by_key() noexcept {
@@ -56,9 +57,10 @@ void Skeleton::start_canonically() noexcept {
   }
 }
 
-// Closures between two agents first stand or fall as a set; then each one by itself, as they would
-// have come in the order of their keys. The more are in already, the less one of them tells about
-// the next: what is new is eliminated once for a share of them.
+// Closures between two agents first stand or fall as a set, unless another set has about as much to
+// say: in a symmetric place both do, once all of it has been seen. Then each one by itself, as they
+// would have come in the order of their keys. The more are in already, the less one of them tells
+// about the next: what is new is eliminated once for a share of them.
 void Skeleton::judge_all() noexcept {
   std::fill(late_.begin(), late_.end(), false);
   int closures = 0;
@@ -68,14 +70,22 @@ void Skeleton::judge_all() noexcept {
       order_[closures++] = order_[k];
   }
   const std::span<const int> list = order_.first(static_cast<std::size_t>(closures));
-  sets_.choose(list, [&](int factor, bool agrees, int size) {
-    if (!agrees) judge_.bar(factor);
-    late_[factor] = size < 2;  // nothing bears it out: once the others have said what they know
+  bool any_torn = false;
+  sets_.choose(list, [&](int factor, bool agrees, const auto& sizes) {
+    if (sizes.rival >= kRivals && 2 * sizes.rival >= sizes.set) {
+      judge_.tear(factor);
+      any_torn = true;
+    } else if (!agrees) {
+      judge_.bar(factor);
+    }
+    late_[factor] =
+        sizes.set < 2;  // nothing bears it out: once the others have said what they know
   });
   int unheard = 0;  // accepted since the last elimination
   for (const bool late : {false, true})
     for (const int factor : list) {
       if (judge_.state(factor) == ClosureState::kRejected || late_[factor] != late) continue;
+      if (any_torn && torn(factor)) judge_.tear(factor);  // also one that was not compared
       if (unheard > judge_.accepted() / kUnheard) {
         solver_.flush();
         unheard = 0;

@@ -3,6 +3,7 @@
 #include <fmt/core.h>
 
 #include <cstdio>
+#include <string_view>
 #include <vector>
 
 #include "tools/mapletctl/ask.hpp"
@@ -24,11 +25,16 @@ void print_why(const Json& why) {
              why["reason"].get<std::string>());
 }
 
+std::string_view verdict_of(const Json& closure) {
+  if (closure.value("undecided", false)) return "  undecided: others say otherwise";
+  return closure["rejected"].get<bool>() ? "  rejected" : "";
+}
+
 void print_closures(const Json& closures) {
   for (const Json& c : closures) {
     fmt::print("{} <closure> {}  {:.2f} m  chi2 {:.1f}  weight {:.2f}{}\n", maplet_name(c["a"]),
                maplet_name(c["b"]), c["length_m"].get<double>(), c["chi2"].get<double>(),
-               c["weight"].get<double>(), c["rejected"].get<bool>() ? "  rejected" : "");
+               c["weight"].get<double>(), verdict_of(c));
   }
 }
 

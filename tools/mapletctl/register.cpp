@@ -63,7 +63,11 @@ Json to_json(const Closure& c, double us, double verdict_us) {
   } else {
     out["T_a_b"] = nullptr;
     out["covariance"] = nullptr;
-    out["free_axes"] = nullptr;
+    out["free_axes"] = Json::array();  // all: nothing fixes any
+    for (int k = 0; k < 6; ++k) {
+      const Vector6d axis = Vector6d::Unit(k);
+      out["free_axes"].push_back(vector_json(axis.data(), 6));
+    }
   }
   out["matches"] = c.alignment.matches;
   out["overlap"] = c.alignment.overlap;

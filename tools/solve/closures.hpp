@@ -71,8 +71,8 @@ class Closures {
   /// Closures between two agents stand or fall as sets that agree by odometry alone.
   /// @return whether there are any
   bool choose_sets() {
-    sets_.choose(between_, [&](int f, bool agrees, int size) {
-      if (size > 1 || !agrees) judge_.force(f, agrees);
+    sets_.choose(between_, [&](int f, bool agrees, auto sizes) {
+      if (sizes.set > 1 || !agrees) judge_.force(f, agrees);
     });
     return !between_.empty();
   }

@@ -194,6 +194,86 @@ TEST(SkeletonSettle, DependsOnTheSetOfRecordsAlone) {
   EXPECT_NE(first.records_digest(), before);
 }
 
+/// Two agents whose paths run side by side; closures put the second `at_m` along the first.
+struct SideBySide {
+  Arena arena;
+  Skeleton skeleton{{.max_nodes = 64, .max_factors = 128}, arena};
+
+  SideBySide() {
+    for (const std::uint16_t who : {std::uint16_t{1}, std::uint16_t{2}})
+      for (std::uint32_t i = 0; i < 9; ++i)
+        skeleton.add(delta(key(who, i), key(who, i + 1), 1.0), kNever);
+  }
+  void meet(std::uint32_t a, std::uint32_t b, double at_m) {
+    EXPECT_EQ(skeleton.add(closure(key(1, a), key(2, b), at_m + double(b) - double(a)), kNever),
+              Added::kLinked);
+  }
+  [[nodiscard]] bool together() const {
+    return skeleton.gauge(key(1, 0)) == skeleton.gauge(key(2, 0));
+  }
+  [[nodiscard]] int torn() const {
+    int count = 0;
+    for (int i = 0; i < skeleton.factor_count(); ++i)
+      count += skeleton.factor(i).verdict == ClosureState::kTorn ? 1 : 0;
+    return count;
+  }
+};
+
+TEST(SkeletonSettle, OfTwoSetsThatContradictEachOtherNeitherCountsUnlessOneIsTwiceAsLarge) {
+  SideBySide two;
+  auto& skeleton = two.skeleton;
+  for (const std::uint32_t i : {0U, 2U, 4U}) two.meet(i, i, 0.0);
+  two.meet(1, 5, 4.0);
+  ASSERT_TRUE(skeleton.settle(kNever));
+  EXPECT_TRUE(two.together()) << "one that contradicts is just wrong";
+  two.meet(3, 7, 4.0);
+  ASSERT_TRUE(skeleton.settle(kNever));
+  EXPECT_FALSE(two.together());
+  EXPECT_EQ(two.torn(), 5);
+  two.meet(6, 6, 0.0);
+  EXPECT_FALSE(two.together()) << "no jump to and fro before all are judged anew";
+  ASSERT_TRUE(skeleton.settle(kNever));
+  EXPECT_FALSE(two.together());
+  two.meet(8, 8, 0.0);
+  ASSERT_TRUE(skeleton.settle(kNever));
+  EXPECT_TRUE(two.together()) << "five against two";
+  EXPECT_EQ(two.torn(), 0);
+  ASSERT_NE(skeleton.pose(key(2, 0)), nullptr);
+  EXPECT_NEAR(skeleton.pose(key(2, 0))->t.x(), 0.0, 1e-6);
+}
+
+TEST(SkeletonSettle, AHandDecidesBetweenTwoSets) {
+  SideBySide two;
+  auto& skeleton = two.skeleton;
+  for (const std::uint32_t i : {0U, 2U}) two.meet(i, i, 0.0);
+  for (const std::uint32_t i : {1U, 3U}) two.meet(i, i + 4, 4.0);
+  ASSERT_TRUE(skeleton.settle(kNever));
+  EXPECT_FALSE(two.together());
+  EXPECT_EQ(skeleton.decide(key(1, 0), key(2, 0), false, kNever), 1);
+  ASSERT_TRUE(skeleton.settle(kNever));
+  EXPECT_TRUE(two.together());
+  EXPECT_EQ(two.torn(), 0);
+  EXPECT_NEAR(skeleton.pose(key(2, 0))->t.x(), 4.0, 1e-6);
+}
+
+TEST(SkeletonSettle, AThirdAgentDecidesBetweenTwoSets) {
+  SideBySide two;
+  auto& skeleton = two.skeleton;
+  for (const std::uint32_t i : {0U, 2U}) two.meet(i, i, 0.0);
+  for (const std::uint32_t i : {1U, 3U}) two.meet(i, i + 4, 4.0);
+  skeleton.add(delta(key(3, 0), key(3, 1), 1.0), kNever);
+  ASSERT_TRUE(skeleton.settle(kNever));
+  EXPECT_FALSE(two.together());
+  EXPECT_EQ(two.torn(), 4);
+  for (const std::uint16_t who : {std::uint16_t{1}, std::uint16_t{2}})
+    for (const std::uint32_t i : {0U, 1U})
+      skeleton.add(closure(key(who, i), key(3, i), who == 2 ? -4.0 : 0.0), kNever);
+  ASSERT_TRUE(skeleton.settle(kNever));
+  EXPECT_TRUE(two.together());
+  EXPECT_EQ(two.torn(), 0);
+  EXPECT_NEAR(skeleton.pose(key(2, 0))->t.x(), 4.0, 1e-6);
+}
+
 TEST(SkeletonRoom, AFullGraphGoesOnAndKeepsTheNewest) {
   Arena arena;
   Skeleton skeleton{{.max_nodes = 20, .max_factors = 60}, arena};
