@@ -5,6 +5,7 @@
 
 #include <cstdio>
 #include <exception>
+#include <limits>
 #include <new>
 
 #include "core/base/arena_exhausted.hpp"
@@ -99,6 +100,11 @@ int main(int argc, char** argv) {
   // each would leave a heap of its own behind. Ours ask for nothing once they run, so nobody waits
   // for its lock.
   mallopt(M_ARENA_MAX, 1);
+  // What is large is mapped and goes back when it is freed, what is small stays: left to itself
+  // malloc moves that border and hands the top of the heap back and takes it again with each
+  // camera.
+  mallopt(M_MMAP_THRESHOLD, 128 << 10);
+  mallopt(M_TRIM_THRESHOLD, std::numeric_limits<int>::max());
   try {
     return run(argc, argv);
   } catch (const maplet::ArenaExhausted& e) {

@@ -141,6 +141,7 @@ void Command::run(std::function<void()> what) const { app_->callback(std::move(w
 int run_command_line(int argc, char** argv, const std::string& about,
                      const std::function<void(Command)>& add_commands) {
   CLI::App app{about};
+  app.get_formatter()->column_width(32);  // of the longest option, and two spaces: tools/man
   app.require_subcommand(1);
   app.set_version_flag("--version", "mapletctl " MAPLET_VERSION);
   add_commands(Command{&app});
