@@ -196,6 +196,11 @@ std::string Console::why_text(int agent) {
         "{} closures between the two say two different things, about as many each: undecided until "
         "more is seen, or one side is rejected by hand",
         why_.closures_torn);
+  } else if (why_.closures_kept > 0) {
+    reason = fmt::format(
+        "{} closures with what we mapped before the last start or gap are kept; where we have been "
+        "since is not related to that yet",
+        why_.closures_kept);
   } else {
     reason = "all closures between the two are rejected";
   }

@@ -42,7 +42,7 @@ int parse_options(int argc, char** argv, Options& options) {
       ->allow_extra_args(false);
   app.add_option("--source", options.source,
                  "tum:DIR[?first=N&count=M&every=K], openni2:[DEVICE-URI|FILE.oni], "
-                 "sim:room|loop|corridor[?seed=N&frames=M], record:FILE (what the flight "
+                 "sim:room|loop|corridor|symmetric[?seed=N&frames=M], record:FILE (what the flight "
                  "recorder holds, again)");
   app.add_option("--out", options.out, "Folder for the results of a finite run");
   if (const char* folders = std::getenv("STATE_DIRECTORY")) {  // systemd's: a list

@@ -13,7 +13,7 @@ constexpr double kSame_m = 0.5;  // two pairs that vouch for each other, drift b
 constexpr double kSame_rad = 0.1;
 constexpr double kContradiction_m = 1.0;  // from what the skeleton says already
 constexpr double kContradiction_rad = 0.3;
-constexpr std::size_t kTried = 6;  // candidates of one maplet that are verified
+constexpr int kTried = 6;  // candidates of one maplet that are verified, of each agent
 
 /// As the skeleton has it, of maplets in one group, those that it has no room for included.
 class SkeletonRelations final : public PlaceRelations {
@@ -52,6 +52,17 @@ bool says_the_same(const PlaceHypothesis& h, const PlaceHypothesis& other,
   }
   const Se3 apart = h.alignment.T_a_b.se3.inverse() * (T_ha_a * T_a_b * T_b_hb);
   return apart.t.norm() < kSame_m && apart.angle() < kSame_rad;
+}
+
+// The other place that a maplet fits must not be crowded out by those of a third agent.
+void keep_best_of_each(PlaceIndex::Candidates& ranked) noexcept {
+  PlaceIndex::Candidates kept;
+  for (const PlaceCandidate& c : ranked) {
+    const auto of_it = std::ranges::count(
+        kept, c.key.agent, [](const PlaceCandidate& other) { return other.key.agent; });
+    if (of_it < kTried) kept.push_back(c);
+  }
+  ranked = kept;
 }
 
 bool is_own(const MapletKey& key, const MapletKey& self) noexcept {
@@ -124,29 +135,56 @@ void Encounters::recall(const MapletStore& own) noexcept {
 
 void Encounters::ask(const MapletStore& own, const MapletKey& self, Deadline deadline) noexcept {
   const MapletKey key = asked_ = waiting_[waiting_first_];
+  const bool loaded = load(key, own, self, *b_);
+  if (loaded) {
+    // Of ourselves only what is not of this path: earlier parts, earlier lives.
+    PlaceSkip skip{key.agent};
+    if (key.agent == self.agent)
+      skip = {key.agent, false, key.epoch, is_own(key, self) ? part_ : 0};
+    candidates_ = index_.query(*b_, skip, deadline);
+    if (index_.stop() == Stop::kDeadline && ++cuts_ < kMostCuts) return;
+  }
+  cuts_ = 0;
   waiting_first_ = (waiting_first_ + 1) % kWaiting;
   --waiting_count_;
-  if (!load(key, own, self, *b_)) return;
+  if (!loaded) return;
   if (!is_own(key, self)) ++counts_of(key.agent).maplets;
-  // Of ourselves only what is not of this path: earlier parts, earlier lives.
-  PlaceSkip skip{key.agent};
-  if (key.agent == self.agent) skip = {key.agent, false, key.epoch, is_own(key, self) ? part_ : 0};
-  candidates_ = index_.query(*b_, skip, deadline);
-  if (candidates_.size() > kTried) candidates_.resize(kTried);
-  next_candidate_ = 0;
+  keep_best_of_each(candidates_);
+  next_candidate_ = next_guess_ = 0;
   asking_ = true;
 }
 
 void Encounters::verify(const MapletStore& own, const MapletKey& self, Deadline deadline) noexcept {
-  const PlaceCandidate& candidate = candidates_[next_candidate_++];
-  if (!load(candidate.key, own, self, *a_)) return;
-  if (verifier_.hypotheses().size() + PlaceVerifier::kPerPair > kHypotheses) {
-    verifier_.clear();
-    told_.clear();
+  const PlaceCandidate& candidate = candidates_[next_candidate_];
+  if (!load(candidate.key, own, self, *a_)) return next_candidate();
+  if (next_guess_ == 0 && cuts_ == 0) {
+    if (verifier_.hypotheses().size() + PlaceVerifier::kPerPair > kHypotheses) {
+      verifier_.clear();
+      told_.clear();
+    }
+    const bool own_mission = is_own(a_->key, self) && is_own(b_->key, self);
+    verifier_.hold_to(own_mission ? planar_ : std::nullopt);
+    if (!verifier_.begin_pair()) return next_candidate();
   }
-  const bool own_mission = is_own(a_->key, self) && is_own(b_->key, self);
-  verifier_.hold_to(own_mission ? planar_ : std::nullopt);
-  (void)verifier_.add(*a_, *b_, candidate.guesses, deadline);
+  for (; next_guess_ < candidate.guesses.size(); ++next_guess_) {
+    if (deadline.expired()) return;
+    const bool last = cuts_ + 1 >= kMostCuts;
+    if (!verifier_.try_guess(*a_, *b_, candidate.guesses[next_guess_], deadline, last)) {
+      ++cuts_;
+      if (!last) return;
+      in_time_ = false;
+    }
+    cuts_ = 0;
+  }
+  verifier_.end_pair(in_time_);
+  next_candidate();
+}
+
+void Encounters::next_candidate() noexcept {
+  ++next_candidate_;
+  next_guess_ = 0;
+  cuts_ = 0;
+  in_time_ = true;
 }
 
 // Not before what lies around all that would be told has been looked at.

@@ -37,7 +37,8 @@ struct EncounterCounts {
 ///
 /// Memory   foreign maplets, a place index over both sides, a verifier: in the arena.
 /// Time     work(): one maplet read, one query, one verification or a look at one pair around a
-///          place a call, cut by its deadline
+///          place a call; what its deadline cuts is tried again in the next calls, four times: the
+///          other place that a maplet fits may be just what there was no time for
 /// Threads  one
 class Encounters {
  public:
@@ -96,6 +97,7 @@ class Encounters {
   static constexpr std::size_t kWaiting = 256;
   static constexpr std::size_t kHypotheses = 512;
   static constexpr std::size_t kAgents = 32;
+  static constexpr int kMostCuts = 4;
 
   struct Told {
     std::size_t hypothesis;
@@ -108,6 +110,7 @@ class Encounters {
   void recall(const MapletStore& own) noexcept;
   void ask(const MapletStore& own, const MapletKey& self, Deadline deadline) noexcept;
   void verify(const MapletStore& own, const MapletKey& self, Deadline deadline) noexcept;
+  void next_candidate() noexcept;
   [[nodiscard]] Found judge(const Skeleton& skeleton, const MapletStore& own,
                             const MapletKey& self) noexcept;
   [[nodiscard]] Found report(const Skeleton& skeleton, const MapletKey& self) noexcept;
@@ -140,7 +143,10 @@ class Encounters {
   Surroundings around_;
   std::optional<std::size_t> looking_;  ///< around this hypothesis
   std::size_t next_candidate_ = 0;
-  std::uint32_t part_ = 0;  ///< first own maplet since the start
+  std::size_t next_guess_ = 0;  ///< of this candidate
+  bool in_time_ = true;         ///< its guesses so far
+  int cuts_ = 0;                ///< in a row, of what is being done
+  std::uint32_t part_ = 0;      ///< first own maplet since the start
   std::uint64_t restored_ = 0;
   std::uint64_t recalled_ = 0;  ///< of these, in the index
   PlaceIndex::Candidates candidates_;

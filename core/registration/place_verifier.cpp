@@ -43,46 +43,60 @@ PlaceVerifier::PlaceVerifier(const RegistrationConfig& config, std::size_t capac
 
 Stop PlaceVerifier::add(const Maplet& a, const Maplet& b, const PlaceCompare::Guesses& guesses,
                         Deadline deadline) noexcept {
-  if (count_ + kPerPair > hypotheses_.size()) {
-    ++dropped_;
-    return Stop::kIterationLimit;
-  }
-  const std::size_t first = count_;
+  if (!begin_pair()) return Stop::kIterationLimit;
   bool in_time = true;
   for (const PlaceGuess& guess : guesses) {
-    if (deadline.expired()) {
-      in_time = false;
-      break;
-    }
-    const auto found =
-        icap_->align(a, b, Transform<MapletA, MapletB>{guess.T_a_b}, kGate_m, kGate_rad, deadline);
-    if (!found) continue;
-    in_time = in_time && found->stop != Stop::kDeadline;
-    const auto mine = hypotheses_.subspan(first, count_ - first);
-    const bool known = std::any_of(mine.begin(), mine.end(), [&](const PlaceHypothesis& h) {
-      return same_place(h.alignment.T_a_b.se3, found->T_a_b.se3, 0.0);
-    });
-    if (known) continue;
-    PlaceHypothesis h;
-    h.a = a.key;
-    h.b = b.key;
-    h.stamp_a = a.stamp;
-    h.stamp_b = b.stamp;
-    h.alignment = *found;
-    h.doubt = icap_->doubt(h.alignment);
-    h.evidence = weigh_evidence(a, b, found->T_a_b.se3, deadline);
-    in_time = in_time && h.evidence.complete;
-    h.value = h.evidence.value();
-    if (mine.size() < kPerPair) {
-      hypotheses_[count_++] = h;
-    } else if (h.value > mine.back().value) {
-      mine.back() = h;
-    }
-    const auto sorted = hypotheses_.subspan(first, count_ - first);
-    std::sort(sorted.begin(), sorted.end(),
-              [](const auto& x, const auto& y) { return x.value > y.value; });
+    if (deadline.expired()) in_time = false;
+    if (!in_time) break;
+    in_time = try_guess(a, b, guess, deadline, true);
   }
-  for (PlaceHypothesis& h : hypotheses_.subspan(first, count_ - first)) {
+  end_pair(in_time);
+  return in_time ? Stop::kConverged : Stop::kDeadline;
+}
+
+bool PlaceVerifier::begin_pair() noexcept {
+  first_ = count_;
+  if (count_ + kPerPair <= hypotheses_.size()) return true;
+  ++dropped_;
+  return false;
+}
+
+bool PlaceVerifier::try_guess(const Maplet& a, const Maplet& b, const PlaceGuess& guess,
+                              Deadline deadline, bool keep_cut) noexcept {
+  const auto found =
+      icap_->align(a, b, Transform<MapletA, MapletB>{guess.T_a_b}, kGate_m, kGate_rad, deadline);
+  if (!found) return true;
+  bool in_time = found->stop != Stop::kDeadline;
+  if (!in_time && !keep_cut) return false;
+  const auto mine = hypotheses_.subspan(first_, count_ - first_);
+  const bool known = std::any_of(mine.begin(), mine.end(), [&](const PlaceHypothesis& h) {
+    return same_place(h.alignment.T_a_b.se3, found->T_a_b.se3, 0.0);
+  });
+  if (known) return in_time;
+  PlaceHypothesis h;
+  h.a = a.key;
+  h.b = b.key;
+  h.stamp_a = a.stamp;
+  h.stamp_b = b.stamp;
+  h.alignment = *found;
+  h.doubt = icap_->doubt(h.alignment);
+  h.evidence = weigh_evidence(a, b, found->T_a_b.se3, deadline);
+  in_time = in_time && h.evidence.complete;
+  if (!in_time && !keep_cut) return false;
+  h.value = h.evidence.value();
+  if (mine.size() < kPerPair) {
+    hypotheses_[count_++] = h;
+  } else if (h.value > mine.back().value) {
+    mine.back() = h;
+  }
+  const auto sorted = hypotheses_.subspan(first_, count_ - first_);
+  std::sort(sorted.begin(), sorted.end(),
+            [](const auto& x, const auto& y) { return x.value > y.value; });
+  return in_time;
+}
+
+void PlaceVerifier::end_pair(bool in_time) noexcept {
+  for (PlaceHypothesis& h : hypotheses_.subspan(first_, count_ - first_)) {
     h.alone = judge_alignment(h.alignment, h.evidence, Prior::kNone, config_);
     h.guessed = judge_alignment(h.alignment, h.evidence, Prior::kGuess, config_);
     if (h.alone.verdict == Verdict::kAccept && h.alignment.chi2_per_dof > usual_.limit()) {
@@ -99,7 +113,6 @@ Stop PlaceVerifier::add(const Maplet& a, const Maplet& b, const PlaceCompare::Gu
     if (!in_time) h.alone = h.guessed = {Verdict::kUndecided, "no time left"};
     h.judgement = h.alone;
   }
-  return in_time ? Stop::kConverged : Stop::kDeadline;
 }
 
 Evidence PlaceVerifier::weigh_around(const Maplet& a, const Maplet& b,

@@ -68,6 +68,17 @@ class PlaceVerifier {
   Stop add(const Maplet& a, const Maplet& b, const PlaceCompare::Guesses& guesses,
            Deadline deadline) noexcept;
 
+  /// The same a guess at a time, for whoever has little time at once.
+  /// @return false when there is no room for another pair
+  bool begin_pair() noexcept;
+  /// @param keep_cut  keep what was found so far when time runs out; else nothing comes of it, and
+  ///                  it can be tried again
+  /// @return false when time ran out
+  bool try_guess(const Maplet& a, const Maplet& b, const PlaceGuess& guess, Deadline deadline,
+                 bool keep_cut) noexcept;
+  /// @param in_time  all guesses were tried
+  void end_pair(bool in_time) noexcept;
+
   /// Judges all hypotheses since clear(), each in the light of the others.
   void judge(const PlaceRelations& relations) noexcept;
 
@@ -106,6 +117,7 @@ class PlaceVerifier {
   RegistrationConfig config_;
   std::span<PlaceHypothesis> hypotheses_;
   std::size_t count_ = 0;
+  std::size_t first_ = 0;  ///< of the present pair
   std::uint64_t dropped_ = 0;
   Arena::Owned<Icap> icap_;
   UsualFit usual_;

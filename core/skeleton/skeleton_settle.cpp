@@ -12,7 +12,12 @@ constexpr int kMostReviews = 30;
 constexpr int kUnheard =
     16;  // so many closures that are in, for one that the next does not know of
 constexpr double kStep = 1e-9;  // m, rad
-constexpr int kRivals = 2;      // so many that agree, and half as many as what they contradict
+
+// Whether so many closures that agree leave it open which of both is true: three times as many
+// decide, a lone one is just wrong beside three.
+bool open_between(int set, int rival) noexcept {
+  return rival >= 2 ? 3 * rival >= set : rival == 1 && set <= 2;
+}
 }  // namespace
 
 void Skeleton::sort_by_key() noexcept {
@@ -72,7 +77,7 @@ void Skeleton::judge_all() noexcept {
   const std::span<const int> list = order_.first(static_cast<std::size_t>(closures));
   bool any_torn = false;
   sets_.choose(list, [&](int factor, bool agrees, const auto& sizes) {
-    if (sizes.rival >= kRivals && 2 * sizes.rival >= sizes.set) {
+    if (open_between(sizes.set, sizes.rival)) {
       judge_.tear(factor);
       any_torn = true;
     } else if (!agrees) {
