@@ -230,10 +230,8 @@ void ClosureJudge<Space>::reject(int factor) noexcept {
 
 template <class Space>
 void ClosureJudge<Space>::tear(int factor) noexcept {
-  if (state_[factor] == ClosureState::kNone) closures_[closure_count_++] = factor;
-  const bool in = state_[factor] == ClosureState::kAccepted;
+  bar(factor);
   turn(factor, ClosureState::kTorn);
-  if (in) graph_.set_weight(factor, 0.0);
 }
 
 template <class Space>

@@ -208,6 +208,11 @@ struct SideBySide {
     EXPECT_EQ(skeleton.add(closure(key(1, a), key(2, b), at_m + double(b) - double(a)), kNever),
               Added::kLinked);
   }
+  /// Two closures put it at 0, two at 4 m.
+  void meet_both_ways() {
+    for (const std::uint32_t i : {0U, 2U}) meet(i, i, 0.0);
+    for (const std::uint32_t i : {1U, 3U}) meet(i, i + 4, 4.0);
+  }
   [[nodiscard]] bool together() const {
     return skeleton.gauge(key(1, 0)) == skeleton.gauge(key(2, 0));
   }
@@ -245,8 +250,7 @@ TEST(SkeletonSettle, OfTwoSetsThatContradictEachOtherNeitherCountsUnlessOneIsFar
 TEST(SkeletonSettle, AHandDecidesBetweenTwoSets) {
   SideBySide two;
   auto& skeleton = two.skeleton;
-  for (const std::uint32_t i : {0U, 2U}) two.meet(i, i, 0.0);
-  for (const std::uint32_t i : {1U, 3U}) two.meet(i, i + 4, 4.0);
+  two.meet_both_ways();
   ASSERT_TRUE(skeleton.settle(kNever));
   EXPECT_FALSE(two.together());
   for (const std::uint32_t i : {0U, 2U})
@@ -260,8 +264,7 @@ TEST(SkeletonSettle, AHandDecidesBetweenTwoSets) {
 TEST(SkeletonSettle, AThirdAgentDecidesBetweenTwoSets) {
   SideBySide two;
   auto& skeleton = two.skeleton;
-  for (const std::uint32_t i : {0U, 2U}) two.meet(i, i, 0.0);
-  for (const std::uint32_t i : {1U, 3U}) two.meet(i, i + 4, 4.0);
+  two.meet_both_ways();
   skeleton.add(delta(key(3, 0), key(3, 1), 1.0), kNever);
   ASSERT_TRUE(skeleton.settle(kNever));
   EXPECT_FALSE(two.together());
